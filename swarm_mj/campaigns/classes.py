@@ -112,6 +112,8 @@ def classes_campaign(
 
 def _changes(base: Scenario, name: str, places: Sequence[int]) -> dict[str, Any]:
     changes: dict[str, Any] = {"swarm": {"class": int(name[0])}}
+    if name[0] in "01":
+        changes |= {"data.election": "flight", "data.relays": 1, "data.election_interval_s": None}
     if name == "1":
         changes["swarm"]["formation"] = {"reference": "mean", "start_s": _formed_s(base)}
         thrusters = base.spacecraft.thrusters

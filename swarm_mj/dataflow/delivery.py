@@ -209,7 +209,7 @@ class Delivery:
         if not len(speakers):
             codes = self.why_earth[slot:][self.why_earth[slot:] > Obstacle.ROLE]
             return int(np.bincount(codes).argmax()) if len(codes) else int(Obstacle.ROLE)
-        codes = self.why_swarm[slot:, j, speakers].ravel()
+        codes = np.concatenate((self.why_swarm[slot:, j, speakers].ravel(), self.why_earth[slot:, j]))
         codes = codes[codes > Obstacle.NONE]
         turned = codes[codes > Obstacle.ROLE]
         codes = turned if len(turned) else codes

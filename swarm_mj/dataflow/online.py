@@ -10,6 +10,8 @@ finest grade of ground sampling distance, then that of which most is on Earth, t
 soonest. The others stay aboard; one takes over where the first is cut off. A finer copy that comes up later, or can be
 completed only then, follows a coarser one that is on Earth already, after all tiles of which nothing is there, and replaces it.
 Copies of tiles that are on Earth are deleted where storage may run short in a slot.
+
+A swarm that exchanges no messages shares none of that: each sends all that it took itself, whatever others hold or have sent.
 """
 
 from __future__ import annotations
@@ -28,12 +30,13 @@ from swarm_mj.errors import MissionError
 from swarm_mj.typing import Array, Ints, Mask
 
 
-def run_online(network: Network, relays: Mask) -> Account:
+def run_online(network: Network, relays: Mask, *, shared: bool = True) -> Account:
     """Fly the policy.
 
     Args:
         network: What to deliver.
         relays: Who is a relay in each slot, shape (T, n).
+        shared: Whether all know who holds which tile, and what is on Earth.
 
     Raises:
         MissionError: The shape of relays does not fit.
@@ -41,7 +44,7 @@ def run_online(network: Network, relays: Mask) -> Account:
     expected = (network.n_slots, network.n_spacecraft)
     if relays.shape != expected:
         raise MissionError(f"relays: shape {relays.shape}, but must be {expected}: slots, spacecraft")
-    swarm = _Swarm(network)
+    swarm = _Swarm(network, shared=shared)
     for slot in range(network.n_slots):
         swarm.begin(slot)
         swarm.send(slot, relays[slot] & (slot < network.lost_slot))
@@ -68,8 +71,8 @@ class _Swarm:
     A copy is a tile as its origin has it; parts of it may be aboard several spacecraft.
     """
 
-    def __init__(self, network: Network) -> None:
-        self.network = network
+    def __init__(self, network: Network, *, shared: bool) -> None:
+        self.network, self.shared = network, shared
         links, to_earth = network.open_links()
         self.capacity = np.concatenate([links, to_earth[:, :, None]], axis=2)
         self.rules = link_rules(network.access, half_duplex=network.half_duplex, channels=network.earth_channels)
@@ -98,7 +101,7 @@ class _Swarm:
         asked = np.bincount(self.origin[new], self.size[new], network.n_spacecraft) + network.swarm_bit[slot].sum(
             axis=0
         )
-        arrived = self.grade >= self.delivered_grade[self.tile]
+        arrived = self.grade >= self._known_grade[self.tile]
         for i in np.flatnonzero(self.held.sum(axis=1) + asked > network.storage_bit).tolist():
             self._lose(slot, i, np.flatnonzero((self.held[i] > 0) & arrived), ON_EARTH)
         room = network.storage_bit - self.held.sum(axis=1)
@@ -126,7 +129,7 @@ class _Swarm:
         underway = np.flatnonzero(self._underway(routes))
         holder, place = np.nonzero(self.held[:, underway])
         copy = underway[place]
-        again = np.isfinite(self.delivered_grade[self.tile[copy]])
+        again = np.isfinite(self._known_grade[self.tile[copy]])
         queue = np.column_stack([holder, copy])[np.lexsort((holder, self.rank[copy], again))]
         moved, everybody = np.zeros(len(queue), np.int64), np.ones(len(relay))
         carry(self.rules, self.capacity[slot], everybody, to, queue, self.network.storage_bit, self.held, moved)
@@ -140,12 +143,19 @@ class _Swarm:
         self.transfers.append(Transfer(slot, sender, receiver, int(self.origin[copy]), tile, bits))
         if receiver == EARTH:
             self.on_earth[copy] += bits
-            if self.on_earth[copy] == self.size[copy]:
+            if self.on_earth[copy] == self.size[copy] and self.grade[copy] < self.delivered_grade[tile]:
                 self.delivered_slot[tile], self.delivered_origin[tile] = slot, self.origin[copy]
                 self.delivered_grade[tile] = self.grade[copy]
 
+    @property
+    def _known_grade(self) -> Array:
+        """Of the finest copy of each tile that the swarm knows to be on Earth, infinite for none, shape (q,)."""
+        return self.delivered_grade if self.shared else np.full(self.network.n_tiles, np.inf)
+
     def _underway(self, routes: _Routes) -> Mask:
-        """Which copy of each tile is on its way, shape (copies,)."""
+        """Which copy of each tile is on its way, shape (copies,): all, where nobody knows of the others'."""
+        if not self.shared:
+            return np.ones(len(self.size), np.bool_)
         there = self.on_earth + self.held[routes.relay].sum(axis=0)
         within_reach = np.isfinite(routes.seconds)
         complete = self.on_earth + self.held[within_reach].sum(axis=0) == self.size

@@ -1,9 +1,8 @@
-"""Elections: which spacecraft speak to Earth, by where all are, by what would be delivered, and by messages alone."""
+"""Elections: which spacecraft speak to Earth, by where all are and by what would be delivered."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
 from math import comb, isfinite
@@ -150,106 +149,7 @@ def next_relays(current: Ints, candidate: Ints, cost_current: float, cost_candid
     return candidate if cost_candidate < (1.0 - hysteresis) * cost_current else current
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Election:
-    """What an election by messages came to.
-
-    Attributes:
-        leader: Whom each has elected, numbers from 0, -1 for who does not work, shape (n,).
-        rounds: In which somebody sent something.
-        messages: That were sent over one link one way.
-    """
-
-    leader: Ints
-    rounds: int
-    messages: int
-
-
-def elect_by_messages(links: Mask, score: Array, works: Mask | None = None, standing: Mask | None = None) -> Election:
-    """Elect by flooding: each tells its neighbours the best it has heard of, whenever that gets better.
-
-    The least score wins, and the lowest number of equal ones. Whoever stands already goes before all who do not, whatever the
-    scores, so that two groups that meet keep the better one of their two leaders, and the other one steps down. Only who stands
-    says so, so that nobody keeps one that is lost or out of reach. Groups that hear nothing of each other elect one each.
-
-    All send in the first round, and then who has learnt something: synchronous flooding (Lynch 1996, "Distributed Algorithms",
-    section 4.1, FloodMax), quiet after as many rounds as the longest of the shortest ways between two has links, and one. That
-    it is quiet everywhere nobody can hear; n rounds are always enough.
-
-    Args:
-        links: Whether i can send to j, shape (n, n); a link counts where both ways are open, since who is told must be able
-            to answer.
-        score: The less the better, shape (n,); of the lost it is not read.
-        works: Who sends and hears, shape (n,); None: all.
-        standing: Who has been elected before and holds on, shape (n,); None: nobody.
-
-    Raises:
-        MissionError: A score is not a number.
-    """
-    n = len(score)
-    works = np.ones(n, np.bool_) if works is None else works
-    if np.isnan(score[works]).any():
-        raise MissionError(
-            f"score of spacecraft {int(np.flatnonzero(works & np.isnan(score))[0]) + 1}: must be a number"
-        )
-    after = np.zeros(n, np.bool_) if standing is None else ~standing
-    # Places in the order in which all would be elected stand for (does not stand, score, number).
-    order = np.lexsort((np.arange(n), score, after))
-    own: Mask = np.arange(n)[:, None] == order
-    heard, rounds, messages = _flood(closed_both_ways(links, works), own, _only_the_first)
-    leader = order[np.argmax(heard, axis=1)]
-    return Election(leader=np.where(works, leader, -1), rounds=rounds, messages=messages)
-
-
-def scores_by_messages(links: Mask, r_BN_N: Array, works: Mask | None = None) -> tuple[Array, int, int]:
-    """What each spacecraft knows its sum of distances to be, from positions that are passed on: the score of a medoid.
-
-    Args:
-        links: As of `elect_by_messages`.
-        r_BN_N: Positions, shape (n, 3) [m]; each knows its own at first.
-        works: Who sends and hears, shape (n,); None: all.
-
-    Returns:
-        Sum of distances to all it has heard of [m], infinite for the lost, shape (n,); rounds; messages, each with all
-        positions that are new to its sender.
-    """
-    n = len(r_BN_N)
-    works = np.ones(n, np.bool_) if works is None else works
-    known, rounds, messages = _flood(closed_both_ways(links, works), np.eye(n, dtype=np.bool_), lambda known: known)
-    sums = [np.linalg.norm(r_BN_N[i] - r_BN_N[known[i]], axis=1).sum() for i in range(n)]
-    return np.where(works, sums, np.inf), rounds, messages
-
-
 def closed_both_ways(links: Mask, works: Mask) -> Mask:
     """Links that are open from i to j and from j to i, between two that work, shape (n, n)."""
     both: Mask = links & links.T & works & works[:, None] & ~np.eye(len(works), dtype=np.bool_)
     return both
-
-
-def _flood(links: Mask, known: Mask, kept: Callable[[Mask], Mask]) -> tuple[Mask, int, int]:
-    """Pass on what is new, round by round, until nothing is.
-
-    Args:
-        links: Symmetric, shape (n, n).
-        known: Which items each knows at first, all of which are new to it, shape (n, items).
-        kept: Which of the items known each keeps; only these are passed on.
-
-    Returns:
-        What each keeps in the end; rounds; messages.
-    """
-    new, rounds, messages = known, 0, 0
-    while True:
-        sends: Mask = np.any(new, axis=1) & np.any(links, axis=1)
-        if not sends.any():
-            return known, rounds, messages
-        rounds, messages = rounds + 1, messages + int(links[sends].sum())
-        # Boolean products: whether a neighbour that sends has an item that is new to it.
-        told: Mask = np.matmul(links, new & sends[:, None])
-        reached = kept(known | told)
-        known, new = reached, reached & ~known
-
-
-def _only_the_first(known: Mask) -> Mask:
-    first = np.zeros_like(known)
-    first[np.arange(len(known)), np.argmax(known, axis=1)] = True
-    return first

@@ -19,10 +19,11 @@ from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.encounter_table import alone, encounter_of, together, track_of
 from swarm_mj.flight.observe import observer_from
-from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior, SwarmView, Targets
-from swarm_mj.mission.links import Antennas
+from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior, SwarmView, TargetKind, Targets
+from swarm_mj.mission.links import Antennas, Obstacle
 from swarm_mj.observation.capture import camera_poses, observe
 from swarm_mj.observation.smear import Motion
+from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_swarm import Swarm
 from swarm_mj.simulator.telemetry import VARIABLES
 from swarm_mj.smallbody.occultation import occluder_of
@@ -35,15 +36,22 @@ BITS, AIRTIME = "coordination_bits", "coordination_airtime"
 FORMATION_AIRTIME = "formation_airtime"
 
 
-def coordinated(behavior: Behavior, swarm: Swarm | None) -> Behavior:
+def coordinated(behavior: Behavior, scenario: Scenario) -> Behavior:
     """The behaviour of a scenario's class; its own where that decides alone.
 
     Raises:
-        MissionError: The class's parts do not fit together.
+        MissionError: The class's parts do not fit together, or an election is asked for that nobody can hold.
     """
-    if swarm is None:
+    if (swarm := scenario.swarm) is None:
         return behavior
-    parts = parts_chosen(swarm)
+    parts, election = parts_chosen(swarm), scenario.data.election
+    if acts_alone(swarm) and election != "flight":
+        why = (
+            "swarm.message_loss = 1" if swarm.message_loss == 1.0 else f"swarm.class = {swarm.level}, swarm.relay = own"
+        )
+        raise MissionError(
+            f"data.election = {election}: takes messages, which {why} rules out; must be 'flight', with which nobody is elected"
+        )
     if parts == PARTS[2]:
         return behavior
     if "behavior" in parts.values():
@@ -190,23 +198,68 @@ def coordination_summary(telemetry: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def less_coordination(contacts: Contacts, telemetry: xr.Dataset, access: Access) -> Contacts:
-    """What the crosslinks can carry besides the swarm's own messages: in each slot, by the time that these took.
+def crosslinks_left(contacts: Contacts, telemetry: xr.Dataset, scenario: Scenario) -> Contacts:
+    """What the crosslinks can carry of the pictures: in each slot what the swarm's own messages leave of its time.
+
+    Nothing where every spacecraft sends to Earth itself. What is lost is sent again until it is there (selective repeat), which
+    leaves 1 - `swarm.message_loss` of a link's rate (Bertsekas and Gallager 1992, Data Networks, section 2.4).
 
     Args:
         contacts: Without messages.
         telemetry: Of the flight.
-        access: How the channel is shared: of all, or of each sender.
+        scenario: Says who relays, what is lost, and how the channel is shared: by all, or by each sender.
     """
+    swarm = scenario.swarm
+    if swarm is not None and parts_chosen(swarm)["relay"] == "own":
+        nothing, roles = np.zeros_like(contacts.swarm_bit), np.full_like(contacts.why_swarm, Obstacle.ROLE)
+        return replace(contacts, swarm_bit=nothing, why_swarm=roles, peak_bit=_thinned(contacts.peak_bit, 0.0))
+    arrives = 1.0 - (swarm.message_loss if swarm is not None else 0.0)
+    left = arrives * (1.0 - _share_of_messages(contacts, telemetry, Access(scenario.link.crosslink.access)))
+    swarm_bit = np.floor(contacts.swarm_bit * left[:, :, None]).astype(np.int64)
+    return replace(contacts, swarm_bit=swarm_bit, peak_bit=_thinned(contacts.peak_bit, arrives))
+
+
+def _thinned(peak_bit: Ints, arrives: float) -> Ints:
+    """`Contacts.peak_bit` of links over which a part arrives; the ways to Earth, in the last column, are as before."""
+    return np.concatenate((np.ceil(arrives * peak_bit[:, :, :-1]).astype(np.int64), peak_bit[:, :, -1:]), axis=2)
+
+
+def _share_of_messages(contacts: Contacts, telemetry: xr.Dataset, access: Access) -> Array:
+    """Part of each slot that the swarm's own messages take from what each could send, shape (T, n)."""
+    n = contacts.swarm_bit.shape[1]
     messages = [telemetry[name].values for name in (AIRTIME, FORMATION_AIRTIME) if name in telemetry]
     if not messages:
-        return contacts
+        return np.zeros((contacts.n_slots, n))
     time, airtime = telemetry["time"].values, np.sum(messages, axis=0)
-    spent: Array = np.array([np.interp(contacts.edges_s, time, airtime[:, j]) for j in range(airtime.shape[1])])
+    spent: Array = np.array([np.interp(contacts.edges_s, time, airtime[:, j]) for j in range(n)])
     share = np.diff(spent, axis=1).T / np.diff(contacts.edges_s)[:, None]
     if access is Access.ONE_AT_A_TIME:
         share = np.broadcast_to(share.sum(axis=1, keepdims=True), share.shape)
     elif access is Access.TDMA:
-        share = share * share.shape[1]
-    left = np.maximum(1.0 - share, 0.0)[:, :, None]
-    return replace(contacts, swarm_bit=np.floor(contacts.swarm_bit * left).astype(np.int64))
+        share = share * n
+    return np.minimum(share, 1.0)
+
+
+def acts_alone(swarm: Swarm | None) -> bool:
+    """Whether each sends its data knowing nothing of the others': each relays for itself, or every message is lost."""
+    return swarm is not None and (parts_chosen(swarm)["relay"] == "own" or swarm.message_loss == 1.0)
+
+
+def unelected_relays(scenario: Scenario, telemetry: xr.Dataset) -> Mask | None:
+    """Who speaks to Earth after the flight where nobody is elected then, shape (n,); None: an election is held.
+
+    Everybody, where each relays for itself, or has elected itself for want of messages. Where the plan says who relays, that
+    one, whether it is lost or not, unless `data.election` asks for an election. Where no message arrives, whom the behaviour
+    chose in flight.
+    """
+    swarm, modes = scenario.swarm, telemetry["mode"].values
+    if swarm is None:
+        return None
+    relay, speaks = parts_chosen(swarm)["relay"], modes == TargetKind.EARTH
+    if relay == "own" or (relay == "election" and acts_alone(swarm)):
+        return np.ones(modes.shape[1], np.bool_)
+    if relay == "plan" and (scenario.data.election == "flight" or acts_alone(swarm)):
+        tracked = telemetry["tracked_spacecraft"].values[modes == TargetKind.SPACECRAFT]
+        planned: Mask = speaks.any(axis=0) | np.isin(np.arange(modes.shape[1]), tracked)
+        return planned if planned.any() else None
+    return np.asarray(speaks[-1]) if acts_alone(swarm) else None

@@ -22,7 +22,7 @@ from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.dataflow.tiles import Tiles, make_tiles
 from swarm_mj.dataflow.time_expanded_program import reachable_value
 from swarm_mj.errors import MissionError
-from swarm_mj.flight.coordination import less_coordination
+from swarm_mj.flight.coordination import acts_alone, crosslinks_left
 from swarm_mj.flight.observe import camera_from
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.post_flight import (
@@ -86,7 +86,7 @@ def deliver(plan: Plan, telemetry: xr.Dataset, kept: KeptPictures, *, prove: boo
     network = network_of(scenario, tiles, contacts, instants)
     relaxed = network_of(scenario, tiles, contacts, instants, continuous=True)
     speaks = speaking(instants, network.n_slots)
-    account = run_online(network, speaks)
+    account = run_online(network, speaks, shared=not acts_alone(scenario.swarm))
     delivered = _delivered(network, account, contacts.light_time_s)
     return Delivery(
         **_geometry(contacts, speaks),
@@ -295,9 +295,8 @@ class SampledSwarm:
         return joined(self.flown, post_flight_instants(self.plan, self.telemetry, self.course, relays))
 
     def contacts(self, instants: Instants) -> Contacts:
-        """What geometry, radios and attitude control allow besides the messages of coordination."""
-        access = Access(self.plan.scenario.link.crosslink.access)
-        found = less_coordination(contacts_of(self.plan, self.edges_s, instants), self.telemetry, access)
+        """What geometry, radios, attitude control and the swarm's class allow besides the messages of coordination."""
+        found = crosslinks_left(contacts_of(self.plan, self.edges_s, instants), self.telemetry, self.plan.scenario)
         directed = self.plan.scenario.link.crosslink.antenna != "omnidirectional"
         return less_pointing(found, self.telemetry, directed=directed)
 

@@ -251,7 +251,7 @@ def unchecked_behavior(scenario: Scenario) -> Behavior:
             scenario.behavior.imaging_radius_m,
         )
     aimed = behavior.aimed_at(scenario.target) if isinstance(behavior, AimedBehavior) else behavior
-    return coordinated(aimed, scenario.swarm)
+    return coordinated(aimed, scenario)
 
 
 def antennas_from(scenario: Scenario) -> Antennas:

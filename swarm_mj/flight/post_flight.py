@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from swarm_mj.dataflow.contacts import Contacts, Instants
 from swarm_mj.dataflow.relays import OfRelays, elect_by_delivery, k_medoids, medoid_cost, next_relays
 from swarm_mj.errors import MissionError
+from swarm_mj.flight.coordination import unelected_relays
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import Obstacle
@@ -244,6 +245,8 @@ def elect_relays(
         bound_of: What no schedule with them exceeds, in less time.
     """
     data, end_s = scenario.data, float(telemetry["time"].values[-1])
+    if (settled := unelected_relays(scenario, telemetry)) is not None:
+        return Elections(np.array([end_s]), (settled & working(telemetry)[-1])[None])
     able = controlled(telemetry)
     r_N, works = telemetry["r_BN_N"].values[-1], _of(able, working(telemetry)[-1])
     left = np.flatnonzero(works)

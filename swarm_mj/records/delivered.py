@@ -148,6 +148,8 @@ def remedy(plan: Plan, delivery: Delivery, part: Undelivered) -> str:
     if part.reason == _RANGE:
         earth = not (delivery.earth_contact_bit > 0).any()
         return _stronger_to_earth(plan, delivery) if earth else _longer_crosslink(plan, delivery, part)
+    if (swarm := plan.scenario.swarm) is not None and swarm.message_loss == 1.0:
+        return "swarm.message_loss = 1: must be below 1 for anything to be relayed"
     return _CHOICES[part.reason]
 
 

@@ -79,7 +79,7 @@ class Swarm(Section):
 
     level: Literal[0, 1, 2, 3, 4] = Field(
         alias="class",
-        description="0: every spacecraft alone, with its own downlink; 1: formation held, no shared sensing; 2: the roles of "
+        description="0: every spacecraft alone, with its own downlink; 1: as 0, formation held; 2: the roles of "
         "the behaviour; 3: sensing and relay planned together before the encounter, losses are not repaired; 4: replanned in "
         "flight by the swarm over its own links",
     )
@@ -90,8 +90,9 @@ class Swarm(Section):
     )
     relay: Literal["own", "behavior", "plan", "election"] | None = Field(
         None,
-        description="who speaks to Earth: each for itself; as the behaviour says; the one of the plan; one that is elected "
-        "over the links; null: the class's own (own, own, behavior, plan, election)",
+        description="who speaks to Earth: each for itself, and no pictures go over crosslinks; as the behaviour says; the one of "
+        "the plan, which is not replaced; one that is elected over the links; null: the class's own (own, own, behavior, plan, "
+        "election)",
     )
     plan_time_limit_s: float = Field(
         20.0, gt=0, le=86_400, description="after which the plan's solver stops without proof [s]"
@@ -99,7 +100,13 @@ class Swarm(Section):
     silence_s: float = Field(
         45.0, gt=0, le=86_400, description="after which a spacecraft that is not heard of counts as lost [s]"
     )
-    message_loss: float = Field(0.05, ge=0, le=1, description="chance that a message over a closed link is lost [-]")
+    message_loss: float = Field(
+        0.05,
+        ge=0,
+        le=1,
+        description="chance that a message over a closed link is lost [-]; pictures are sent again until they are there, which "
+        "leaves 1 - message_loss of the rate; at 1 nothing is relayed and nobody elected after the flight",
+    )
     processing_s: float = Field(0.1, ge=0, le=3600, description="what a message takes aboard, beside its way [s]")
     formation: Formation | None = Field(
         None, description="what the thrusters hold; null: all coast; docs/theory/formation.md"

@@ -54,6 +54,15 @@ def test_differences_shrink_by_one_minus_step_times_lambda2(graph, n, known):
     np.testing.assert_allclose(held.mean(axis=1), values.mean(), atol=1e-12)
 
 
+def test_beyond_the_best_step_the_largest_eigenvalue_says_how_differences_shrink():
+    """The complete bipartite graph of 3 and 3: eigenvalues 0, 3 (four times) and 6; the default step 1/4 exceeds 2/9."""
+    side = np.arange(6) < 3
+    W = consensus.max_degree_weights(side[:, None] != side)
+    held = consensus.average_consensus(np.random.default_rng(2).normal(size=6), W, 30)
+    ratio = [np.std(b) / np.std(a) for a, b in zip(held[:-1], held[1:], strict=True)]
+    assert ratio[-1] == pytest.approx(0.5, rel=1e-6) and ratio[-1] != pytest.approx(1.0 - 0.25 * 3.0, rel=0.5)
+
+
 def test_metropolis_weights_are_doubly_stochastic_and_keep_the_mean_on_an_uneven_graph():
     A = path(6)
     A[0, 2:] = A[2:, 0] = True

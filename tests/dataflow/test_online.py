@@ -70,13 +70,13 @@ def check_shares(network, sent, relay):
         assert not network.half_duplex or max(a + b for a, b in zip(sends, receives, strict=True)) <= 1
 
 
-@given(seed=st.integers(0, 2**32 - 1), everyone=st.booleans())
+@given(seed=st.integers(0, 2**32 - 1), everyone=st.booleans(), shared=st.booleans())
 @settings(max_examples=80, deadline=None)
-def test_every_bit_is_aboard_on_earth_or_lost_and_the_optimum_is_not_beaten(seed, everyone):
+def test_every_bit_is_aboard_on_earth_or_lost_and_the_optimum_is_not_beaten(seed, everyone, shared):
     rng = np.random.default_rng(seed)
     network = random_network(rng)
     relays = (network.earth_bit.any(axis=0) | everyone)[None, :] & (rng.random(network.earth_bit.shape) < 0.8)
-    account = run_online(network, relays)
+    account = run_online(network, relays, shared=shared)
     check_conservation(account, network)
     fly(account, network, relays)
     assert account.value <= optimum(network).bound + 1e-9
@@ -145,6 +145,25 @@ def test_a_copy_of_what_is_at_the_relay_stays_aboard():
     account = two_tiles(bits=np.array([[4, 4], [0, 4]]), ready=np.array([[0, 0], [4, 0]]))
     assert all(sent.origin == 1 for sent in account.transfers if sent.tile == 1)
     assert account.aboard_bit[-1].tolist() == [4, 0] and account.value == 10.0
+
+
+def test_without_shared_inventories_all_send_all_their_own_and_the_finest_copy_counts():
+    network = chain(
+        swarm_bit=np.zeros((4, 2, 2), np.int64),
+        earth_bit=np.full((4, 2), 4),
+        earth_channels=2,
+        bits=np.array([[8], [8]]),
+        ready=np.array([[0], [1]]),
+        gsd_m=np.array([[1.0], [2.0]]),
+    )
+    all_speak = np.ones((4, 2), np.bool_)
+    alone = run_online(network, all_speak, shared=False)
+    check_conservation(alone, network)
+    assert {(sent.sender, sent.receiver, sent.origin) for sent in alone.transfers} == {(0, -1, 0), (1, -1, 1)}
+    assert (
+        alone.on_earth_bit[-1] == 16 and alone.delivered_slot.tolist() == [1] and alone.delivered_origin.tolist() == [0]
+    )
+    assert run_online(network, all_speak).on_earth_bit[-1] == 8
 
 
 def test_a_copy_makes_room_when_its_tile_is_on_earth():

@@ -1,4 +1,4 @@
-"""Elections against exhaustive search, shortest ways of scipy's graphs, and hand-drawn swarms."""
+"""Elections against exhaustive search."""
 
 from itertools import combinations
 
@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.sparse.csgraph import connected_components, shortest_path
 
 from swarm_mj.dataflow import relays
 from swarm_mj.dataflow.relays import (
     elect_by_delivery,
-    elect_by_messages,
     k_medoids,
     medoid_cost,
     next_relays,
-    scores_by_messages,
 )
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.behaviors import elect_medoid
@@ -191,103 +188,3 @@ def test_a_change_gains_the_part_that_is_asked_for(current, candidate, hysteresi
 def test_who_cannot_go_on_is_replaced_whatever_the_hysteresis():
     assert next_relays(np.array([0]), np.array([1]), np.inf, 5.0, 1.0).tolist() == [1]
     assert next_relays(np.array([0]), np.array([1]), 0.0, 0.0, 0.0).tolist() == [0]
-
-
-# By messages.
-
-
-@st.composite
-def swarms(draw):
-    """A graph of any density, often in several parts, links that are open one way among them, and scores with ties."""
-    n = draw(st.integers(1, 12))
-    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    links = rng.random((n, n)) < draw(st.floats(0.0, 0.6))
-    return links | (links.T & (rng.random((n, n)) < 0.7)), rng.integers(0, 4, n).astype(float), rng.random(n) < 0.85
-
-
-def parts(links, works):
-    """Connected components of those that work, over links that are open both ways, and the longest shortest way, by scipy."""
-    both = links & links.T
-    both[~works] = both[:, ~works] = False
-    np.fill_diagonal(both, False)
-    count, label = connected_components(both, directed=False)
-    ways = shortest_path(both, unweighted=True)
-    return [np.flatnonzero((label == c) & works) for c in range(count)], ways[np.isfinite(ways)].max()
-
-
-@settings(deadline=None)
-@given(swarms())
-def test_each_part_agrees_on_its_own_best_in_the_time_of_the_longest_way(swarm):
-    links, score, works = swarm
-    found = elect_by_messages(links, score, works)
-    groups, diameter = parts(links, works)
-    for group in groups:
-        if len(group):
-            assert (found.leader[group] == group[np.argmin(score[group])]).all()
-    assert (found.leader[~works] == -1).all()
-    assert found.rounds <= diameter + 1
-
-
-@settings(deadline=None)
-@given(swarms(), st.integers(0, 2**32 - 1))
-def test_who_stands_goes_first_and_two_that_meet_become_one(swarm, seed):
-    links, score, works = swarm
-    standing = np.random.default_rng(seed).random(len(score)) < 0.3
-    found = elect_by_messages(links, score, works, standing)
-    for group in parts(links, works)[0]:
-        if len(group):
-            before = group[standing[group]]
-            among = before if len(before) else group
-            assert (found.leader[group] == among[np.argmin(score[among])]).all()
-
-
-@settings(deadline=None)
-@given(swarms())
-def test_positions_passed_on_elect_the_medoid_of_each_part(swarm):
-    links, score, works = swarm
-    r = np.random.default_rng(len(score)).normal(size=(len(score), 3))
-    sums, rounds, _ = scores_by_messages(links, r, works)
-    found = elect_by_messages(links, sums, works)
-    groups, diameter = parts(links, works)
-    for group in groups:
-        if len(group):
-            assert (found.leader[group] == group[elect_medoid(r[group])]).all()
-            assert np.allclose(sums[group], distances(r[group]).sum(axis=1))
-    assert np.isinf(sums[~works]).all() and rounds <= diameter + 1
-
-
-def chain(n):
-    return np.eye(n, k=1, dtype=bool) | np.eye(n, k=-1, dtype=bool)
-
-
-def test_a_chain_takes_as_many_rounds_as_it_has_links_and_one():
-    found = elect_by_messages(chain(5), np.arange(5.0))
-    assert found.leader.tolist() == [0] * 5
-    # All 4 links both ways; then each of the last 4, 3, 2 and 1 of the chain hears of something better and passes it on.
-    assert found.rounds == 5 and found.messages == 8 + 7 + 5 + 3 + 1
-
-
-def test_a_swarm_that_falls_apart_has_two_leaders_and_joined_again_one():
-    links, score = chain(6), np.array([5.0, 1.0, 4.0, 3.0, 2.0, 6.0])
-    assert elect_by_messages(links, score).leader.tolist() == [1] * 6
-    apart = links.copy()
-    apart[2, 3] = False  # one way is enough to part them
-    two = elect_by_messages(apart, score)
-    assert two.leader.tolist() == [1, 1, 1, 4, 4, 4]
-    standing = two.leader == np.arange(6)
-    score[0] = 0.0  # nobody has elected it, so that it does not count
-    again = elect_by_messages(links, score, standing=standing)
-    assert again.leader.tolist() == [1] * 6
-    lost = np.array([True, False, True, True, True, True])
-    assert elect_by_messages(links, score, lost, standing).leader.tolist() == [0, -1, 4, 4, 4, 4]
-
-
-def test_nobody_hears_anybody():
-    found = elect_by_messages(np.zeros((3, 3), bool), np.zeros(3))
-    assert found.leader.tolist() == [0, 1, 2] and found.rounds == found.messages == 0
-
-
-def test_a_score_that_is_no_number_is_refused():
-    with pytest.raises(MissionError, match="score of spacecraft 2: must be a number"):
-        elect_by_messages(chain(3), np.array([0.0, np.nan, 1.0]))
-    assert elect_by_messages(chain(3), np.array([0.0, 1.0, np.nan]), np.array([True, True, False])).leader[0] == 0

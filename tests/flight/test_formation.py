@@ -7,10 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from swarm_mj.dataflow.contacts import Contacts
-from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import ScenarioError
 from swarm_mj.figures.formation import compose_formation
-from swarm_mj.flight.coordination import less_coordination
+from swarm_mj.flight.coordination import crosslinks_left
 from swarm_mj.flight.fly import make_simulation, simulate
 from swarm_mj.flight.formation import formation_law
 from swarm_mj.flight.plan import make_plan
@@ -139,7 +138,8 @@ def test_what_a_formation_says_takes_its_time_from_the_crosslink():
         "{reference: mean, start_s: 60, message_s: 10}",
         "duration_s=150",
         "design.time_of_flight_s=140",
-        level=1,
+        "swarm.message_loss=0",
+        level=2,
     )
     flown = simulate(plan)
     told = formation_summary(flown)["formation"]
@@ -160,7 +160,7 @@ def test_what_a_formation_says_takes_its_time_from_the_crosslink():
         why_earth=np.zeros((5, n), np.int8),
         distance_m=np.zeros((5, n, n)),
     )
-    left = less_coordination(contacts, flown, Access.ONE_AT_A_TIME)
+    left = crosslinks_left(contacts, flown, plan.scenario)
     spent = np.diff(np.interp(edges, flown["time"].values, flown["formation_airtime"].values.sum(axis=1)))
     np.testing.assert_allclose(1.0 - left.swarm_bit[:, 0, 1] / 1e9, spent / 30.0, atol=1e-8)
 

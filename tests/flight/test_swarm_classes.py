@@ -71,6 +71,58 @@ def test_messages_end_with_their_sender_and_take_their_time_from_the_crosslink(t
     assert taken.max() > 0.001
 
 
+@pytest.fixture(scope="module")
+def sent():
+    """What of the flights of some classes is sent, by class and chance that a message is lost."""
+
+    def delivered(level, loss, *more):
+        formation = ", formation: {reference: mean}" if level == 1 else ""
+        thrusters = ("spacecraft.thrusters={}",) if level == 1 else ()
+        swarm = f"swarm={{class: {level}, plan_time_limit_s: 2, message_loss: {loss}{formation}}}"
+        plan = make_plan(load_scenario("eros-observe", parse_overrides([*QUICK, swarm, *thrusters, *more])))
+        telemetry = simulate(plan)
+        kept = observe_flight(plan, telemetry).kept
+        return telemetry, deliver(plan, telemetry, kept, prove=False)
+
+    cases = ((0, 0.05), (1, 0.05), (4, 1), (3, 1), (3, 0), (3, 0.5))
+    return {case: delivered(*case) for case in cases} | {
+        "relay lost": delivered(3, 0, "faults=[{kind: spacecraft_lost, spacecraft: sc4, at_s: 790}]"),
+        "replaced": delivered(
+            3, 0, "faults=[{kind: spacecraft_lost, spacecraft: sc4, at_s: 790}]", "data.election=medoid"
+        ),
+    }
+
+
+@pytest.mark.parametrize("case", [(0, 0.05), (1, 0.05), (4, 1)])
+def test_who_hears_of_nobody_sends_all_its_own_to_earth_and_nothing_to_others(sent, case):
+    _, delivery = sent[case]
+    assert delivery.contact_bit.sum() == delivery.sent_bit.sum() == 0
+    assert (delivery.earth_bit.sum(axis=0) == delivery.tile_bit.sum(axis=1)).all()
+    assert np.count_nonzero(delivery.earth_bit.sum(axis=0)) == delivery.n and delivery.elected.all()
+
+
+def test_where_no_message_arrives_the_planned_relay_brings_home_its_own_alone(sent):
+    (_, whole), (_, deaf), (_, half) = sent[3, 0], sent[3, 1], sent[3, 0.5]
+    (relay,) = whole.relay.tolist()
+    assert whole.sent_bit.sum() > 0 and deaf.sent_bit.sum() == deaf.contact_bit.sum() == 0
+    assert deaf.relay.tolist() == [relay] and deaf.earth_bit.sum() == deaf.tile_bit[relay].sum()
+    np.testing.assert_array_equal(half.contact_bit, whole.contact_bit // 2)
+
+
+def test_a_plan_is_not_repaired_when_its_relay_is_lost_unless_an_election_is_asked_for(sent):
+    relay = sent[3, 0][1].relay
+    (telemetry, lost), (_, replaced) = sent["relay lost"], sent["replaced"]
+    assert relay.tolist() == [3] and (telemetry["operational"].values[-1] == [1, 1, 1, 0, 1]).all()
+    assert not lost.elected.any() and lost.earth_bit[:, [0, 1, 2, 4]].sum() == 0
+    assert replaced.elected.sum() == 1 and replaced.delivered_area > 2.0 * lost.delivered_area
+
+
+def test_an_election_that_nobody_can_hold_is_refused():
+    for swarm in ({"class": 0}, {"class": 4, "message_loss": 1}):
+        with pytest.raises(MissionError, match="data.election = medoid: takes messages.* must be 'flight'"):
+            behavior_from(load_scenario("eros-observe", {"swarm": swarm, "data.election": "medoid"}))
+
+
 def test_class_0_says_nothing_and_everybody_speaks_to_earth_itself():
     _, telemetry = flown(0)
     assert "coordination_bits" not in telemetry
