@@ -9,7 +9,6 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from swarm_mj.dataflow.contacts import Instant, Radios, link_rates
-from swarm_mj.dataflow.relays import closed_both_ways
 from swarm_mj.scenarios.constants import SPEED_OF_LIGHT
 from swarm_mj.smallbody.occultation import Occluder
 from swarm_mj.typing import Array, Ints, Mask
@@ -44,7 +43,7 @@ class Graph:
     @cached_property
     def adjacency(self) -> Mask:
         """Links that are open both ways, symmetric, shape (n, n)."""
-        return closed_both_ways(self.links, self.works)
+        return np.asarray(self.links & self.links.T)
 
     @property
     def components(self) -> list[Ints]:

@@ -10,7 +10,7 @@ from math import comb, isfinite
 import numpy as np
 
 from swarm_mj.errors import MissionError
-from swarm_mj.typing import Array, Ints, Mask
+from swarm_mj.typing import Array, Ints
 
 #: Distances that the search through all sets may hold at once; beyond, PAM.
 MOST_HELD = 5_000_000
@@ -147,9 +147,3 @@ def next_relays(current: Ints, candidate: Ints, cost_current: float, cost_candid
     if not isfinite(cost_current):
         return candidate
     return candidate if cost_candidate < (1.0 - hysteresis) * cost_current else current
-
-
-def closed_both_ways(links: Mask, works: Mask) -> Mask:
-    """Links that are open from i to j and from j to i, between two that work, shape (n, n)."""
-    both: Mask = links & links.T & works & works[:, None] & ~np.eye(len(works), dtype=np.bool_)
-    return both

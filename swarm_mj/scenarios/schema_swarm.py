@@ -90,9 +90,9 @@ class Swarm(Section):
     )
     relay: Literal["own", "behavior", "plan", "election"] | None = Field(
         None,
-        description="who speaks to Earth: each for itself, and no pictures go over crosslinks; as the behaviour says; the one of "
-        "the plan, which is not replaced; one that is elected over the links; null: the class's own (own, own, behavior, plan, "
-        "election)",
+        description="who speaks to Earth: each for itself, and no pictures go over crosslinks; as the behaviour says; the one "
+        "of the plan, which is not replaced; one that is elected over the links; null: the class's own (own, own, behavior, "
+        "plan, election)",
     )
     plan_time_limit_s: float = Field(
         20.0, gt=0, le=86_400, description="after which the plan's solver stops without proof [s]"

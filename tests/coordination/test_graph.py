@@ -65,6 +65,13 @@ def test_a_graph_falls_apart_where_the_one_in_the_middle_is_lost(body):
     assert [c.tolist() for c in torn.components] == [[0], [2, 3]]
 
 
+def test_a_link_that_is_open_one_way_joins_nobody():
+    rates = np.array([[0.0, 9.0, 0.0], [0.0, 0.0, 5.0], [0.0, 5.0, 0.0]])
+    g = Graph(rate_bit_s=rates, delay_s=np.zeros((3, 3)), loss=np.zeros((3, 3)), works=np.ones(3, bool))
+    assert g.links[0, 1] and not g.adjacency[0, 1] and not g.adjacency[1, 0]
+    assert [c.tolist() for c in g.components] == [[0], [1, 2]]
+
+
 def test_an_empty_swarm_has_no_groups_and_nothing_to_say(body):
     g = graph(body, [[5e3, 0, 0], [5e3, 1e3, 0]], works=[False, False])
     bus = Bus(2, np.random.default_rng(0))

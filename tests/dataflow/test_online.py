@@ -1,5 +1,6 @@
 """What the swarm does alone obeys the network, loses no bit unseen, and never beats the optimum."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -163,7 +164,10 @@ def test_without_shared_inventories_all_send_all_their_own_and_the_finest_copy_c
     assert (
         alone.on_earth_bit[-1] == 16 and alone.delivered_slot.tolist() == [1] and alone.delivered_origin.tolist() == [0]
     )
-    assert run_online(network, all_speak).on_earth_bit[-1] == 8
+    shared = run_online(network, all_speak)
+    assert shared.on_earth_bit[-1] == 8
+    coarse_first = run_online(replace(network, ready=np.array([[2], [0]])), all_speak)
+    assert coarse_first.on_earth_bit.tolist() == [0, 4, 8, 12, 16] and coarse_first.delivered_origin.tolist() == [0]
 
 
 def test_a_copy_makes_room_when_its_tile_is_on_earth():
