@@ -67,20 +67,28 @@ def fly_dispersed(
     return DispersedFlights(deviation=_deviation(x, legs, -1), delta_v=delta_v)
 
 
-def draw_burns(legs: Legs, errors: FlightErrors, *, draws: int, rng: np.random.Generator) -> Array:
-    """Sizes of the corrections of linear flights, which may be drawn in thousands, shape (draws, n, m) [m/s].
+def draw_linear(
+    legs: Legs, errors: FlightErrors, j: int, *, draws: int, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Linear flights of spacecraft j, which may be drawn in thousands.
 
-    The sizes of one spacecraft's corrections hang together; their sum has no distribution in closed form.
+    What a burn that errs leaves is a product of normal variables: it and the burns that follow have the second moments of
+    `spread`, longer tails than a normal variable, and no quantiles in closed form.
+
+    Returns:
+        Position at the visit relative to the planned one with the first 0, 1, ..., m corrections flown, shape
+        (m + 1, draws, 3) [m]; and each correction's change of velocity as the law asks for it, shape (m, draws, 3) [m/s].
     """
-    n, m, gain = len(legs.times), legs.n_corrections, legs.gain
-    x, size = _drawn(errors.release, rng, draws), np.zeros((draws, n, m))
+    m, gain, to_visit = legs.n_corrections, legs.gain[j], legs.to_visit[j, :, :3]
+    x = _drawn(errors.release[j : j + 1], rng, draws)[:, 0]
+    position, delta_v = np.zeros((m + 1, draws, 3)), np.zeros((m, draws, 3))
+    position[0] = x @ to_visit[0].T
     for k in range(m):
-        x = np.einsum("jab,ijb->ija", legs.phi[:, k], x)
-        known = x + _knowledge_errors(errors, rng, (draws, n))
-        wished = np.einsum("jab,ijb->ija", gain[:, k], known)
-        x[..., 3:] += burnt(wished, errors, rng)
-        size[..., k] = np.linalg.norm(wished, axis=-1)
-    return size
+        x = x @ legs.phi[j, k].T
+        delta_v[k] = (x + _knowledge_errors(errors, rng, (draws,))) @ gain[k].T
+        x[:, 3:] += burnt(delta_v[k], errors, rng)
+        position[k + 1] = x @ to_visit[k + 1].T
+    return position, delta_v
 
 
 def _released(legs: Legs, errors: FlightErrors, rng: np.random.Generator, runs: int) -> Array:
@@ -97,7 +105,7 @@ def _drawn(covariance: Array, rng: np.random.Generator, draws: int) -> Array:
     return scale * np.einsum("jab,ijb->ija", root, rng.standard_normal((draws, *size.shape)))
 
 
-def _knowledge_errors(errors: FlightErrors, rng: np.random.Generator, shape: tuple[int, int]) -> Array:
+def _knowledge_errors(errors: FlightErrors, rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
     return np.repeat((errors.position, errors.velocity), 3) * rng.standard_normal((*shape, 6))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.trajectory_corrections import CorrectionAnalysis, analyse_corrections
 from swarm_mj.mission.covariance import length_mean, length_quantile, length_within, visit_axes
-from swarm_mj.mission.dispersed import draw_burns
+from swarm_mj.mission.dispersed import draw_linear
 from swarm_mj.scenarios.constants import STANDARD_GRAVITY
 from swarm_mj.scenarios.itinerary import itinerary
 from swarm_mj.scenarios.schema_propulsion import Thrusters
@@ -17,7 +17,8 @@ from swarm_mj.typing import Array
 
 #: Chance with which limits and tanks are said to be enough.
 SURE = 0.99
-#: Linear flights that are drawn for the sum of several burns; their 99th percentile is right to about 1 %.
+#: Linear flights that are drawn for what is not normal (after a burn that errs) and for sums of burns; their 99th percentile is
+#: right to about 1 %.
 DRAWS = 20_000
 #: What six nozzles take at most beside those along the force: three of them share an oblique one.
 OBLIQUE = 3.0**0.5
@@ -25,44 +26,72 @@ OBLIQUE = 3.0**0.5
 WORTH = 0.05
 
 Row = dict[str, Any]
+#: Vectors that were drawn, shape (draws, 3); None: they are normal, and quadrature serves.
+Drawn = Array | None
 
 
 def navigation_rows(found: CorrectionAnalysis) -> list[Row]:
     """One row for each spacecraft and number of corrections flown, 0 to m: the spread at the visit and the last burn."""
-    plan, legs = found.plan, found.legs
+    legs = found.legs
     axes = visit_axes(legs.r_N[:, -1], legs.v_N[:, -1])
-    return [
-        {
-            "spacecraft": plan.names[j],
-            "corrections": k,
-            "time_s": None if k == 0 else float(legs.times[j, k]),
-            **_at_visit(found.spread.at_visit[k, j, :3, :3], axes[j]),
-            **_burnt(found, j, k),
-            **_seen(found, j, k),
-        }
-        for j in range(plan.n)
-        for k in range(legs.n_corrections + 1)
-    ]
+    rows = []
+    for j in range(found.plan.n):
+        position, delta_v = _drawn(found, j)
+        rows += [
+            {
+                "spacecraft": found.plan.names[j],
+                "corrections": k,
+                "time_s": None if k == 0 else float(legs.times[j, k]),
+                **_at_visit(found.spread.at_visit[k, j, :3, :3], axes[j], position[k]),
+                **_burnt(found, j, k, delta_v),
+                **_seen(found, j, k, position[k]),
+            }
+            for k in range(legs.n_corrections + 1)
+        ]
+    return rows
 
 
-def _at_visit(position: Array, axes: Array) -> Row:
+def _drawn(found: CorrectionAnalysis, j: int) -> tuple[list[Drawn], list[Drawn]]:
+    """Linear flights of spacecraft j, None for what is normal: `draw_linear`'s positions and burns, drawn where burns err."""
+    m, errors = found.legs.n_corrections, found.errors
+    if not m or not (errors.magnitude or errors.pointing):
+        return [None] * (m + 1), [None] * m
+    # A generator of its own, the same for all: the largest of several like percentiles is then no larger by chance.
+    position, delta_v = draw_linear(found.legs, errors, j, draws=DRAWS, rng=np.random.default_rng(0))
+    return [None, *position[1:]], [None, *delta_v[1:]]
+
+
+def _mean(covariance: Array, drawn: Drawn) -> float:
+    return length_mean(covariance) if drawn is None else float(np.linalg.norm(drawn, axis=1).mean())
+
+
+def _sure(covariance: Array, drawn: Drawn) -> float:
+    """Length that is not exceeded with the chance `SURE`."""
+    return length_quantile(covariance, SURE) if drawn is None else _quantile(np.linalg.norm(drawn, axis=1))
+
+
+def _quantile(values: Array) -> float:
+    return float(np.quantile(values, SURE))
+
+
+def _at_visit(position: Array, axes: Array, drawn: Drawn) -> Row:
     # Rounding takes what a correction by exact knowledge leaves to either side of zero.
     sigma = np.sqrt(np.diag(axes @ position @ axes.T).clip(0.0))
     return {
         "position_3_sigma_m": 3.0 * float(np.sqrt(np.linalg.eigvalsh(position)[-1].clip(0.0))),
-        "position_99_m": length_quantile(position, SURE),
+        "position_99_m": _sure(position, drawn),
         **{f"sigma_{name}_m": float(value) for name, value in zip("RTS", sigma, strict=True)},
     }
 
 
-def _burnt(found: CorrectionAnalysis, j: int, k: int) -> Row:
+def _burnt(found: CorrectionAnalysis, j: int, k: int, drawn: list[Drawn]) -> Row:
     if k == 0:
         return {"delta_v_mean_m_s": 0.0, "delta_v_99_m_s": 0.0}
     covariance = found.spread.delta_v[k - 1, j]
-    return {"delta_v_mean_m_s": length_mean(covariance), "delta_v_99_m_s": length_quantile(covariance, SURE)}
+    return {"delta_v_mean_m_s": _mean(covariance, drawn[k - 1]), "delta_v_99_m_s": _sure(covariance, drawn[k - 1])}
 
 
-def _seen(found: CorrectionAnalysis, j: int, k: int) -> Row:
+def _seen(found: CorrectionAnalysis, j: int, k: int, drawn: Drawn) -> Row:
     """Where the ground under the visiting point is in a camera that is pointed as planned, at a place that is not."""
     plan = found.plan
     if j >= plan.n_observers:
@@ -71,23 +100,26 @@ def _seen(found: CorrectionAnalysis, j: int, k: int) -> Row:
     r_N = found.legs.r_N[j, -1]
     across = np.linalg.svd(r_N[None])[2][1:]
     covariance = across @ found.spread.at_visit[k, j, :3, :3] @ across.T
+    aside, wide = None if drawn is None else drawn @ across.T, altitude * float(np.tan(half_angle))
+    within = length_within(covariance, wide) if aside is None else np.mean(np.linalg.norm(aside, axis=1) <= wide)
     return {
-        "offset_99_deg": float(np.degrees(np.arctan(length_quantile(covariance, SURE) / altitude))),
-        "in_camera_percent": 100.0 * length_within(covariance, altitude * float(np.tan(half_angle))),
+        "offset_99_deg": float(np.degrees(np.arctan(_sure(covariance, aside) / altitude))),
+        "in_camera_percent": 100.0 * float(within),
     }
 
 
 def total_delta_v(found: CorrectionAnalysis) -> dict[str, tuple[float, float]]:
     """Mean and 99th percentile of each spacecraft's burns together [m/s]: of one burn by quadrature, of several by drawing."""
-    m = found.legs.n_corrections
-    if m <= 1:
-        of_one = [_burnt(found, j, m) for j in range(found.plan.n)]
-        totals = [(row["delta_v_mean_m_s"], row["delta_v_99_m_s"]) for row in of_one]
-    else:
-        # A generator of its own: these are no draws of the scenario's.
-        drawn = draw_burns(found.legs, found.errors, draws=DRAWS, rng=np.random.default_rng(0)).sum(axis=2)
-        totals = [(float(of.mean()), float(np.quantile(of, SURE))) for of in drawn.T]
-    return dict(zip(found.plan.names, totals, strict=True))
+    m, totals = found.legs.n_corrections, {}
+    for j, name in enumerate(found.plan.names):
+        if m <= 1:
+            row = _burnt(found, j, m, [None])
+            totals[name] = row["delta_v_mean_m_s"], row["delta_v_99_m_s"]
+        else:
+            _, delta_v = draw_linear(found.legs, found.errors, j, draws=DRAWS, rng=np.random.default_rng(0))
+            size = np.linalg.norm(delta_v, axis=2).sum(axis=0)
+            totals[name] = float(size.mean()), _quantile(size)
+    return totals
 
 
 def propellant_kg(thrusters: Thrusters, mass: float, delta_v: float) -> float:
@@ -108,7 +140,7 @@ def navigation_findings(found: CorrectionAnalysis) -> list[str]:
     stages = [[row for row in rows if row["corrections"] == k] for k in range(m + 1)]
     said = [_stage(k, stage) for k, stage in enumerate(stages)]
     said += [_useless(k, stages) for k in range(1, m + 1)]
-    return [words for words in [*said, *_tank(found, names), *_too_long(found, names)] if words]
+    return [words for words in [*said, *_tank(found, names), *_too_long(found, names, rows)] if words]
 
 
 def _stage(k: int, rows: list[Row]) -> str:
@@ -144,14 +176,14 @@ def _tank(found: CorrectionAnalysis, names: tuple[str, ...]) -> list[str]:
     ]
 
 
-def _too_long(found: CorrectionAnalysis, names: tuple[str, ...]) -> list[str]:
+def _too_long(found: CorrectionAnalysis, names: tuple[str, ...], rows: list[Row]) -> list[str]:
     """Burns that at 99 % do not end before the next correction or the visit; a nozzle's thrust is the least of the forces."""
     thrusters, times = found.plan.scenario.spacecraft.thrusters, found.legs.times
     if thrusters is None:
         return []
     said = []
     for k in range(found.legs.n_corrections):
-        lasts = np.array([_burnt(found, j, k + 1)["delta_v_99_m_s"] for j in range(len(names))])
+        lasts = np.array([row["delta_v_99_m_s"] for row in rows if row["corrections"] == k + 1])
         lasts *= found.plan.properties.mass / thrusters.thrust_n
         room = times[:, k + 2] - times[:, k + 1]
         if (lasts > room).any():

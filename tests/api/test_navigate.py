@@ -5,6 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+from scipy.stats import maxwell, norm
 
 import swarm_mj as sm
 from swarm_mj.cli.main import main
@@ -57,9 +60,12 @@ def test_burns_together_are_less_than_the_sum_of_their_percentiles(eros):
 def test_findings_tell_each_stage_and_that_flights_agree(eros):
     assert eros.findings[0].startswith("without corrections: 3 sigma 181 m at the visit")
     assert eros.findings[2].startswith("after correction 2: 3 sigma 15.5 m at the visit")
-    assert eros.findings[2].endswith("0.258 m/s (99 %)")
+    assert eros.findings[2].endswith("0.259 m/s (99 %)")
     assert eros.findings[-1] == "300 flights under all forces agree with linear covariance within sampling error"
     assert (eros.agreement["chance"] > 0.001 / 6).all()
+    # Along an axis that is chosen before the flights, spreads differ by sampling alone, by 1 / sqrt(2 N) each.
+    ratio = eros.agreement["flown_3_sigma_m"] / eros.agreement["linear_3_sigma_m"]
+    assert ratio.mean() == pytest.approx(1.0, abs=3.0 / np.sqrt(2 * 300 * 6))
 
 
 def test_the_command_prints_and_writes_the_same(eros, tmp_path, capsys):
@@ -86,6 +92,31 @@ def test_a_late_correction_of_a_fast_flyby_takes_away_what_two_days_have_made():
     assert left[1] == pytest.approx(3 * np.hypot(50, 0.01 * 169_200), rel=1e-2)
     assert left[2] == pytest.approx(3 * np.hypot(50, 0.01 * 7200), rel=1e-2)
     assert found.table.loc[("sc1", 0), "in_camera_percent"] < 90 < found.table.loc[("sc1", 1), "in_camera_percent"]
+
+
+def test_what_follows_a_burn_that_errs_has_the_tail_of_a_product():
+    """With exact navigation a burn leaves its relative error g, normal, times its own size, Maxwell: s |g| chi_3 in all.
+
+    Without forces the second burn is that times (T - t1) / (T - t2), and the position before it that times T - t1.
+    """
+    s, late, time = 0.05, 120.0, 600.0
+    errors = {
+        "spacecraft.thrusters": {},
+        "dispersions.deployment_velocity_m_s": 0.1,
+        "dispersions.burn_magnitude_percent": 100 * s,
+    }
+    two = "trajectory.corrections=[{after_release_s: 60}, {before_visit_s: 120}]"
+    rows = sm.navigate("eros-config1", {**errors, **parse_overrides([two])}).table.loc["sc1"]
+    product = brentq(lambda q: 2.0 * quad(lambda g: norm.pdf(g) * maxwell.cdf(q / g), 0.0, 8.0)[0] - 0.99, 1.0, 20.0)
+    first = 0.1 * time / (time - 60.0)
+    assert rows["delta_v_99_m_s"][1] == pytest.approx(first * maxwell.ppf(0.99), rel=0.02)
+    assert rows["position_99_m"][1] == pytest.approx(product * s * first * (time - 60.0), rel=0.03)
+    assert rows["delta_v_99_m_s"][2] == pytest.approx(product * s * first * (time - 60.0) / late, rel=0.03)
+    assert rows["delta_v_mean_m_s"][2] == pytest.approx(
+        (2 / np.pi) ** 0.5 * maxwell.mean() * s * first * (time - 60.0) / late, rel=0.03
+    )
+    # A normal vector of the same covariance would say less.
+    assert product > 1.15 * maxwell.ppf(0.99)
 
 
 def test_exact_knowledge_leaves_numbers():

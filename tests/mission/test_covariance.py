@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import dblquad
+from scipy.special import erf
+from scipy.stats import norm
 
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.plan import make_plan
@@ -17,7 +20,7 @@ from swarm_mj.mission.covariance import (
     spread,
     visit_axes,
 )
-from swarm_mj.mission.dispersed import draw_burns, fly_dispersed
+from swarm_mj.mission.dispersed import draw_linear, fly_dispersed
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.mission.transition import transitions
 from swarm_mj.scenarios.loading import load_scenario
@@ -151,14 +154,48 @@ def test_axes_of_the_visit_are_a_rotation_with_the_third_along_the_flight():
     assert axes[0, 1] @ r[0] == pytest.approx(0.0)
 
 
-def test_sizes_of_burns_have_the_mean_and_quantile_of_the_quadrature():
+def test_linear_flights_have_the_mean_and_quantile_of_the_quadrature_while_all_is_normal():
     legs = drifting([0.0, 100.0, 300.0, 400.0])
     errors = FlightErrors(release=released(2, 3.0, 0.1), position=1.0, velocity=0.02)
-    delta_v = spread(legs, errors).delta_v
-    sizes = draw_burns(legs, errors, draws=40_000, rng=np.random.default_rng(1))
-    for k in range(2):
-        assert sizes[:, 0, k].mean() == pytest.approx(length_mean(delta_v[k, 0]), rel=0.01)
-        assert np.quantile(sizes[:, 0, k], 0.99) == pytest.approx(length_quantile(delta_v[k, 0], 0.99), rel=0.02)
+    found = spread(legs, errors)
+    position, delta_v = draw_linear(legs, errors, 0, draws=40_000, rng=np.random.default_rng(1))
+    covariances = (*found.delta_v[:, 0], *found.at_visit[:, 0, :3, :3])
+    for drawn, covariance in zip((*delta_v, *position), covariances, strict=True):
+        size = np.linalg.norm(drawn, axis=1)
+        assert size.mean() == pytest.approx(length_mean(covariance), rel=0.01)
+        assert np.quantile(size, 0.99) == pytest.approx(length_quantile(covariance, 0.99), rel=0.02)
+
+
+def test_linear_flights_whose_burns_err_have_the_covariance_and_the_tails_of_flights_drawn_another_way():
+    """Other seeds, one component after the other, no matrices; the tail is longer than that of a normal vector."""
+    legs, (p, v, s, a) = drifting([0.0, 100.0, 300.0, 400.0]), (0.1, 1e-3, 0.1, 0.05)
+    errors = FlightErrors(release=released(2, 3.0, 0.1), position=p, velocity=v, magnitude=s, pointing=a)
+    position, delta_v = draw_linear(legs, errors, 1, draws=40_000, rng=np.random.default_rng(1))
+    rng, n = np.random.default_rng(77), 200_000
+    r, u, sizes, t = 3.0 * rng.standard_normal((n, 3)), 0.1 * rng.standard_normal((n, 3)), [], 0.0
+    for at in (100.0, 300.0):
+        r, t = r + (at - t) * u, at
+        wish = -((r + p * rng.standard_normal((n, 3))) / (400.0 - at) + u + v * rng.standard_normal((n, 3)))
+        sizes.append(np.linalg.norm(wish, axis=1))
+        u = u + wish + s * rng.standard_normal((n, 1)) * wish + np.cross(a * rng.standard_normal((n, 3)), wish)
+    missed = np.linalg.norm(r + 100.0 * u, axis=1)
+    found = spread(legs, errors)
+    assert (delta_v[1] ** 2).sum(axis=1).mean() == pytest.approx(np.trace(found.delta_v[1, 1]), rel=0.03)
+    for drawn, expected in ((delta_v[0], sizes[0]), (delta_v[1], sizes[1]), (position[2], missed)):
+        assert np.quantile(np.linalg.norm(drawn, axis=1), 0.99) == pytest.approx(np.quantile(expected, 0.99), rel=0.02)
+    assert np.quantile(sizes[1], 0.99) > 1.1 * length_quantile(found.delta_v[1, 1], 0.99)
+
+
+@pytest.mark.parametrize("sigmas", [(1.0, 1.0, 1.0), (2.0, 1.0, 0.5), (3.0, 0.2, 1.0)])
+def test_quantiles_of_lengths_hold_so_much_of_the_density(sigmas):
+    """The normal density over the ball of that radius, one component after the other."""
+    length, (a, b, c) = length_quantile(np.diag(np.square(sigmas)), 0.99), sigmas
+
+    def slice_of(y, x):
+        return norm.pdf(x / a) / a * norm.pdf(y / b) / b * erf(np.sqrt(max(length**2 - x**2 - y**2, 0.0) / 2) / c)
+
+    inside, _ = dblquad(slice_of, 0.0, length, 0.0, lambda x: np.sqrt(length**2 - x**2), epsabs=1e-6)
+    assert 4.0 * inside == pytest.approx(0.99, abs=1e-6)
 
 
 @pytest.mark.parametrize("sigmas", [(1.0, 1.0, 1.0), (2.0, 1.0, 0.5), (1.0, 1e-6, 0.0), (3.0, 0.2), (1.0, 1.0)])
