@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import textwrap
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +25,9 @@ from swarm_mj.campaigns.store import read_results
 from swarm_mj.coordination.allocation.optimum import optimum
 from swarm_mj.coordination.replanning import problem_of
 from swarm_mj.figures.style import save
+from swarm_mj.flight.downlink import frame_pixels
 from swarm_mj.flight.encounter_table import encounter_of
+from swarm_mj.flight.observe import camera_from
 from swarm_mj.flight.plan import as_planned, make_plan
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.progress import progress_bars
@@ -35,10 +38,13 @@ from swarm_mj.rendering.replay import Replay
 from swarm_mj.rendering.video import film
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_swarm import Swarm
 
 PAGE = RESULTS / "swarm_classes.md"
 SCENARIO = "eros-observe"
 FILM = "swarm_classes.mp4"
+#: Parts along one side of the target over which cameras are led to tell pointing from coordination.
+SWEPT = 3
 #: What is shown in the film, and how fast.
 FILMED = {
     "duration_s": 840,
@@ -52,22 +58,36 @@ HEAD = """# Swarm classes: what coordination buys
 
 Written by `python -m scripts.pages.swarm_classes`, which runs what `swarm-mj compare-classes {scenario}` does: {runs} dispersed
 encounters of `{scenario}`, each flown by every [class](../theory/coordination.md) with the same seed and the same losses. In
-each encounter every spacecraft is lost with one chance between 0 and 40 %, at a random time before the visit. All fly with
-`physics.stepper: kernel`, the same motion in less time. {took}
+each encounter every spacecraft is lost with one chance between 0 and 40 %, at a random time before it arrives at its visiting
+point. All fly with `physics.stepper: kernel`, the same motion in less time. {took}
+
+{assumed}
 
 {table}
-Brackets: 95 % intervals. *Delivered*: on Earth within two days after the flight, by what the swarm can run alone. In every
-class `data.election` then replaces a relay that was lost; class 4 elects during the flight as well. *Delta-v*: of the whole
-swarm; propellant is used by class 1 alone. It holds the planned formation about the mean of those heard of
-([law](../theory/formation.md)), and images and sends as class 0 does. *Placed*: the visiting points ({places}) were planned
-together with the pictures, so that as much as possible can be shown by two spacecraft; class 0 flies to them as well, so that
-the effect of the places and that of coordination can be told apart.
+Brackets: 95 % intervals. *Delivered*: on Earth within two days after the flight, by what the swarm can run alone
+([data by class](../theory/coordination.md#data-by-class)). In classes 0 and 1 everybody sends its own pictures, those of a
+lost one are lost. In classes 2 and 4 a relay that is lost is replaced, in class 4 during the flight as well; in class 3 it is
+not, and what the others hold stays aboard. *Delta-v*: of the whole swarm; propellant is used by class 1 alone. It holds the
+planned formation about the mean of those heard of ([law](../theory/formation.md)), and images and sends as class 0 does.
+*Placed*: the visiting points ({places}) were planned together with the pictures, so that as much as possible can be shown by
+two spacecraft; class 0 flies to them as well, so that the effect of the places and that of coordination can be told apart.
+
+### Why class 2 is below class 0
+
+Not for want of coordination. Class 2 flies the roles of the scenario's behaviour, whose cameras look at the body's centre:
+from {altitude:.0f} km a picture is {wide:.1f} km wide, on a target {across:.1f} km across. Classes 0, 1, 3 and 4 choose where
+each picture looks from the [table of the encounter](../theory/coordination.md#the-table-of-the-encounter). One encounter
+without errors and losses:
+
+| flown | observed [%] | too coarse [%] | other causes [%] |
+|---|---|---|---|
+{pointing}
 
 ### What each step buys
 
 {steps}
 
-![Seen and delivered area over the chance of loss](../images/{chance})
+![Observed and delivered area over the chance of loss](../images/{chance})
 
 ## By number of lost spacecraft
 
@@ -85,8 +105,8 @@ Delivered area, mean [% of the target]:
 {recovered}
 
 What a class loses is the difference to its own flights without losses; what class 4 brings home is what it delivers more than
-class 3 in the same encounters with one loss. It is also better where nothing is lost, since it sees in flight what its
-pictures missed: that is part of what it brings home.
+class 3 in the same encounters with one loss. It is also better where nothing is lost, since it knows in flight what its
+pictures missed: that is part of what it brings home. Where the lost one is the relay, class 3 loses what the others hold, too.
 
 ### Why not more: the bound
 
@@ -201,6 +221,9 @@ def write_page(
         took=f"These are {len(compared.table)} flights. {took}".strip(),
         table=table_of_classes(compared.classes),
         places=", ".join(map(str, compared.places)),
+        assumed=textwrap.fill(_assumed(load_scenario(SCENARIO)), 124),
+        **_footprint(),
+        pointing="\n".join(pointing()),
         chance=PICTURES[0],
         lost=PICTURES[1],
         by_lost=table_by_lost(compared.classes),
@@ -231,11 +254,59 @@ def write_film() -> None:
             reel.add(np.hstack([left, right]))
 
 
+def _assumed(scenario: Scenario) -> str:
+    """What counts, what is sent, and what is perfect."""
+    seen, data, swarm = scenario.observation, scenario.data, Swarm.model_validate({"class": 4})
+    light = (
+        f"sunlit (incidence at most {seen.max_incidence_deg:g} deg)"
+        if seen.light == "sunlit"
+        else "in view, lit or not"
+    )
+    sent = {"frame": "Whole frames are", "window": "Windows of frames are", "cells": "Pixels of new cells alone are"}
+    return (
+        f"A face counts as observed where it is {light}, at most {seen.max_emission_deg:g} deg off its normal, where the median "
+        f"face would take up {seen.min_pixels:g} pixels and, as `{SCENARIO}` asks, the ground sampling distance is at most "
+        f"{seen.max_gsd_m:g} m. {sent[data.product]} sent, {frame_pixels(scenario) * data.sent_bits_per_pixel / 1e6:.2g} Mbit "
+        f"each. Sensors, and with them pointing, are perfect. Of the messages {100 * swarm.message_loss:g} % are lost."
+    )
+
+
+def _footprint() -> dict[str, float]:
+    """Altitude, width of a picture and of the target's region [km]."""
+    plan = make_plan(load_scenario(SCENARIO))
+    altitude, tan = plan.scenario.design.imaging_altitude_m, camera_from(plan.scenario).tan_half_angle
+    corners = plan.region.corners_A.reshape(-1, 3)
+    return {
+        "altitude": altitude / 1e3,
+        "wide": 2e-3 * altitude * tan,
+        "across": 1e-3 * float(np.ptp(corners, axis=0).max()),
+    }
+
+
+def pointing() -> list[str]:
+    """One encounter flown by the same roles with two ways to look, and by class 0, without errors and losses."""
+    radius = float(np.linalg.norm(make_plan(load_scenario(SCENARIO)).region.centroid_A, axis=1).mean())
+    sweep = {"surface_radius_m": radius, "rows": SWEPT, "dwell_s": 20, "election": "medoid"}
+    rows = []
+    for words, level, behavior in (
+        ("class 2, cameras at the body's centre", 2, {}),
+        (f"class 2, the same roles, cameras led over {SWEPT} x {SWEPT} parts (`target_sweep`)", 2, sweep),
+        ("class 0", 0, {}),
+    ):
+        chosen = {"behavior.name": "target_sweep", "behavior.parameters": behavior} if behavior else {}
+        summary = sm.fly(SCENARIO, {"swarm": {"class": level}, "observation.observer": "horizon", **chosen}).summary
+        lost = {part["cause"]: part["percent"] for part in summary["not_observed"]}
+        coarse = lost.pop("too coarse", 0.0)
+        rows.append(f"| {words} | {summary['coverage_percent']:.1f} | {coarse:.1f} | {sum(lost.values()):.1f} |")
+    return rows
+
+
 #: Steps of coordination: from which class to which, and what that is.
 STEPS = (
     ("0", "1", "holding the formation"),
     ("0", "3", "one plan instead of one each"),
-    ("3", "4", "planning anew in flight"),
+    ("0", "4", "planning anew in flight instead of one each"),
+    ("3", "4", "planning anew in flight instead of before"),
     ("0", "0 placed", "places planned, everybody alone"),
     ("0 placed", "3 placed", "one plan at these places"),
     ("0 placed", "4 placed", "planning anew in flight at these places"),

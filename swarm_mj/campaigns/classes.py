@@ -159,13 +159,13 @@ class ClassResult(NamedTuple):
 
     Attributes:
         name: Of the class.
-        seen: Seen area of all encounters [%].
+        seen: Observed area of all encounters [%].
         delivered: Delivered area [%].
-        whole: Chance that the whole target is seen.
+        whole: Chance that the whole target is observed.
         delta_v_m_s: Of the deployment of the whole swarm, mean.
         thrust_m_s: Of the whole swarm's thrusters in flight, mean; NaN without any.
         message_bit: Of coordination and formation, mean.
-        map_h: Time until all that was seen is on Earth, mean of those flights where it is [h]; NaN where it never is.
+        map_h: Time until all that was observed is on Earth, mean of those flights where it is [h]; NaN where it never is.
         by_lost: Delivered area by number of lost spacecraft [%].
     """
 
@@ -266,8 +266,8 @@ def recovery(results: pa.Table, planned: str, replanned: str, key: str = "delive
 def table_of_classes(found: Sequence[ClassResult]) -> str:
     """The table in Markdown: one row a class."""
     lines = [
-        "| class | what | seen [%] | delivered [%] | whole target seen | deployment Delta-v [m/s] | propellant Delta-v [m/s] | "
-        "messages [Mbit] | map on Earth [h] |",
+        "| class | what | observed [%] | delivered [%] | whole target observed | deployment Delta-v [m/s] | "
+        "propellant Delta-v [m/s] | messages [Mbit] | map on Earth [h] |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for one in found:
@@ -299,12 +299,12 @@ def _interval(estimate: Estimate) -> str:
 
 
 def compose_chance(results: pa.Table) -> Figure:
-    """Mean seen and delivered area over the chance with which each spacecraft is lost."""
+    """Mean observed and delivered area over the chance with which each spacecraft is lost."""
     figure = new_figure(4.9, "What losses leave, by class", width_in=11.0)
     edges = np.linspace(0.0, MOST_LOST, PARTS + 1)
     rows = [row for row in results.to_pylist() if row["status"] == "ok"]
     left, right = figure.subplots(1, 2, sharey=True)
-    for ax, key, what in ((left, "coverage_percent", "seen"), (right, "delivered_percent", "delivered")):
+    for ax, key, what in ((left, "coverage_percent", "observed"), (right, "delivered_percent", "delivered")):
         for k, name in enumerate(dict.fromkeys(row["scenario"] for row in rows)):
             own = [row for row in rows if row["scenario"] == name]
             chance = np.array([row["faults.0.probability"] for row in own])
