@@ -1,6 +1,25 @@
 """The exceptions of swarm_mj: every foreseeable failure is one of these, with a message that says what to do."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+
+
+def at_most(value: float, digits: int = 2) -> str:
+    """A limit of so many digits for a message that says "at most", rounded down, so that what is told keeps it."""
+    return _cut(value, digits, math.floor)
+
+
+def at_least(value: float, digits: int = 3) -> str:
+    """A limit of so many digits for a message that says "at least", rounded up."""
+    return _cut(value, digits, math.ceil)
+
+
+def _cut(value: float, digits: int, towards: Callable[[float], int]) -> str:
+    if value == 0.0 or not math.isfinite(value):
+        return f"{value:g}"
+    scale = digits - 1 - math.floor(math.log10(abs(value)))
+    cut = towards(float(f"{value * 10.0**scale:.12g}"))  # what rounding makes of a whole number is one
+    return f"{cut * 10.0**-scale if scale < 0 else cut / 10.0**scale:.12g}"
 
 
 class SwarmError(Exception):

@@ -264,10 +264,11 @@ def _assumed(scenario: Scenario) -> str:
     )
     sent = {"frame": "Whole frames are", "window": "Windows of frames are", "cells": "Pixels of new cells alone are"}
     return (
-        f"A face counts as observed where it is {light}, at most {seen.max_emission_deg:g} deg off its normal, where the median "
-        f"face would take up {seen.min_pixels:g} pixels and, as `{SCENARIO}` asks, the ground sampling distance is at most "
-        f"{seen.max_gsd_m:g} m. {sent[data.product]} sent, {frame_pixels(scenario) * data.sent_bits_per_pixel / 1e6:.2g} Mbit "
-        f"each. Sensors, and with them pointing, are perfect. Of the messages {100 * swarm.message_loss:g} % are lost."
+        f"A face counts as observed where it is {light}, at most {seen.max_emission_deg:g} deg off its normal, where the "
+        f"median face would take up {seen.min_pixels:g} pixels and, as `{SCENARIO}` asks, the ground sampling distance is at "
+        f"most {seen.max_gsd_m:g} m. {sent[data.product]} sent, "
+        f"{frame_pixels(scenario) * data.sent_bits_per_pixel / 1e6:.2g} Mbit each. Sensors, and with them pointing, are "
+        f"perfect. Of the messages {100 * swarm.message_loss:g} % are lost."
     )
 
 

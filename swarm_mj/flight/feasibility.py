@@ -13,7 +13,7 @@ from math import degrees, inf, pi, sqrt
 
 import numpy as np
 
-from swarm_mj.errors import ScenarioError
+from swarm_mj.errors import ScenarioError, at_least, at_most
 from swarm_mj.flight.observe import camera_from, schedule_from
 from swarm_mj.mission.behaviors import AdaptableRoles, DedicatedCommunications
 from swarm_mj.mission.sweep import TargetSweep
@@ -163,7 +163,7 @@ class EncounterCheck:
             raise ScenarioError(
                 f"behavior.imaging_radius_m = {radius:g}: no observer is inside it "
                 f"{'at the visit' if at_visit else 'at any time'}, so that no picture counts; the nearest comes to "
-                f"{distance:.6g} m of the body's centre: must be at least that, or lower design.imaging_altitude_m"
+                f"{at_least(distance, 6)} m of the body's centre: must be at least that, or lower design.imaging_altitude_m"
             )
 
     def _of_wheels(self) -> list[str]:
@@ -186,10 +186,11 @@ class EncounterCheck:
                     f"at most; raise it, design.imaging_altitude_m or design.time_of_flight_s (a slower flyby)"
                 )
             if peak.max() > surely - spare:
+                less = f", and the initial tumbling may take {spare:.3g} {unit} of that" if spare else ""
                 found.append(
-                    f"the line of sight reaches an angular {what} of {peak.max():.3g} {unit} near the visit, and about some "
-                    f"axes the wheels give {max(surely - spare, 0.0):.3g} {unit}: raise spacecraft.wheel.{key}, "
-                    "design.imaging_altitude_m or design.time_of_flight_s"
+                    f"the line of sight reaches an angular {what} of {peak.max():.3g} {unit} near the visit; about the worst "
+                    f"axis across the camera's the wheels give {surely:.3g} {unit} (about the best {utmost:.3g}){less}: raise "
+                    f"spacecraft.wheel.{key}, design.imaging_altitude_m or design.time_of_flight_s"
                 )
         return found
 
@@ -200,13 +201,14 @@ class EncounterCheck:
         pull = float(np.linalg.norm(met.a_N, axis=1).max())
         if (drift := period**2 / 8.0 * pull) > GRAVITY_DRIFT_M:
             found.append(
-                f"control.period_s = {period:g}: gravity of {pull:.3g} m/s^2 held as long may lead paths {drift:.2g} m astray; "
-                f"at most {period * sqrt(GRAVITY_DRIFT_M / drift):.2g} s keeps them within {GRAVITY_DRIFT_M:g} m"
+                f"control.period_s = {period:g}: gravity of {pull:.3g} m/s^2 held as long may lead paths {at_least(drift)} m "
+                f"astray; at most {at_most(period * sqrt(GRAVITY_DRIFT_M / drift))} s keeps them within {GRAVITY_DRIFT_M:g} m"
             )
         if (turn := period * float(met.peak_rate.max())) > TURN_IN_A_PERIOD:
             found.append(
-                f"control.period_s = {period:g}: the line of sight turns by {degrees(turn):.2g} deg while a torque is held; "
-                f"at most {period * TURN_IN_A_PERIOD / turn:.2g} s keeps that below {degrees(TURN_IN_A_PERIOD):.2g} deg"
+                f"control.period_s = {period:g}: the line of sight turns by {at_least(degrees(turn))} deg while a torque is "
+                f"held; at most {at_most(period * TURN_IN_A_PERIOD / turn)} s keeps that within "
+                f"{degrees(TURN_IN_A_PERIOD):.3g} deg"
             )
         return found
 
@@ -233,7 +235,7 @@ class EncounterCheck:
                 found.append(
                     f"observation.interval_s = {interval:g}: the ground moves by {moved[j]:.3g} m from picture to picture at "
                     f"the visit, and a picture is {wide[j]:.3g} m wide: pictures do not join; at most "
-                    f"{interval * wide[j] / moved[j]:.2g} s"
+                    f"{at_most(interval * wide[j] / moved[j])} s"
                 )
         least = slew_time(pi, turning_limits(self.properties)[0])
         inside = np.linalg.norm(met.r_N, axis=1) < radius
@@ -243,7 +245,7 @@ class EncounterCheck:
             needed = float(np.linalg.norm(met.r_N[j] - least * met.v_N[j]))
             found.append(
                 f"behavior.imaging_radius_m = {radius:g}: it is crossed {entry_s[j]:.3g} s before the visit, and half a turn "
-                f"takes the wheels {least:.3g} s at least; {needed:.3g} m gives that time"
+                f"takes the wheels {least:.3g} s at least; {at_least(needed)} m gives that time"
             )
         return found
 
@@ -261,12 +263,12 @@ class EncounterCheck:
             raise ScenarioError(
                 f"observation.max_smear_px = {limit:g}: every face smears more in every picture, by {shown.min():.3g} to "
                 f"{shown.max():.3g} px at the visit; camera.exposure_s = {exposure:g}: must be at most "
-                f"{exposure * limit / shown.min():.2g}, or raise max_smear_px"
+                f"{at_most(exposure * limit / shown.min())}, or raise max_smear_px"
             )
         share = 100.0 * float(np.mean(shown > limit))
         return [
             f"observation.max_smear_px = {limit:g}: {share:.0f} % of the faces in the pictures of the visit smear more, up to "
-            f"{shown.max():.3g} px; camera.exposure_s = {exposure * limit / shown.max():.2g} would keep all of them"
+            f"{shown.max():.3g} px; camera.exposure_s = {at_most(exposure * limit / shown.max())} would keep all of them"
         ]
 
     def _all_smear(self) -> bool:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from itertools import count
-from math import asin, atan2, degrees, radians
+from math import asin, atan2, degrees, inf, radians
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -47,6 +47,8 @@ REMEDIES = {
     "elements": "change mothership.elements",
     "ephemeris": "give another file in mothership.ephemeris, or another epoch",
 }
+#: Relative difference that rounding makes of an orbit that is radial, or parabolic.
+ROUNDING = 1e-12
 
 
 class MothershipState(NamedTuple):
@@ -148,8 +150,15 @@ def osculating_orbit(scenario: Scenario, environment: Environment, r_N: Array, v
         return out
     out |= {"axes": axes, "gm_m3_s2": float(gm)}
     C = axes_in_N(axes, environment)
+    distance, speed = out["distance_m"], out["speed_m_s"]
+    # Of the speed with which it would just escape, squared.
+    share = speed**2 * distance / (2.0 * gm) if gm > 0.0 else inf
+    if share < 1.0 and np.linalg.norm(np.cross(r_N, v_N)) <= ROUNDING * distance * speed:
+        return out | _radial(distance / (1.0 - share))
     flyby = hyperbola_of_state(C @ r_N, C @ v_N, gm)
-    return out | (_bound(elements_of_state(C @ r_N, C @ v_N, gm)) if flyby is None else _passing(flyby))
+    if flyby is not None:
+        return out | _passing(flyby)
+    return out | _bound(elements_of_state(C @ r_N, C @ v_N, gm), "ellipse" if share < 1.0 - ROUNDING else "parabola")
 
 
 def _passing(flyby: Hyperbola) -> dict[str, Any]:
@@ -173,9 +182,14 @@ def _passing(flyby: Hyperbola) -> dict[str, Any]:
     }
 
 
-def _bound(orbit: ConicElements) -> dict[str, Any]:
+def _radial(apoapsis_radius: float) -> dict[str, Any]:
+    """A path straight up or down that does not escape: an ellipse without width, of which only the apoapsis has a direction."""
+    return {"orbit": "radial", "eccentricity": 1.0, "periapsis_radius_m": 0.0, "apoapsis_radius_m": apoapsis_radius}
+
+
+def _bound(orbit: ConicElements, kind: str) -> dict[str, Any]:
     return {
-        "orbit": "ellipse" if orbit.eccentricity < 1.0 else "parabola",
+        "orbit": kind,
         "periapsis_radius_m": orbit.periapsis_radius,
         "eccentricity": orbit.eccentricity,
         "inclination_deg": degrees(orbit.inclination),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import radians
 
 import numpy as np
@@ -23,7 +23,7 @@ from swarm_mj.mission.behaviors import AimedBehavior, Behavior, SelectiveBehavio
 from swarm_mj.mission.deployer import check_deployer
 from swarm_mj.mission.deployment import deploy, planned_paths
 from swarm_mj.mission.links import Antennas
-from swarm_mj.mission.safety import CloseApproach, check_times, close_approaches, find_impacts
+from swarm_mj.mission.safety import CloseApproach, Impact, check_times, close_approaches, find_impacts, foreseen_impacts
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.mission.trajectories import Deployment
 from swarm_mj.scenarios.itinerary import itinerary
@@ -37,7 +37,7 @@ from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.model import spacecraft_names
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-from swarm_mj.typing import Array
+from swarm_mj.typing import Array, Indices
 
 #: How many impacts of a plan are told with time and place.
 SHOWN_IMPACTS = 5
@@ -131,14 +131,23 @@ def make_plan(
     region = true_target(scenario, shape, region)
     mothership = mothership_state(scenario, environment)
     check_approach(scenario, shape, environment, mothership)
+    candidates = None if check_separation else len(points_A)
+
+    def foresee(r0_N: Array, destinations_N: Array, span: tuple[float, float], who: Indices) -> None:
+        counts = np.ones(len(who), np.bool_) if candidates is None else who < candidates
+        impacts = foreseen_impacts(shape, environment, r0_N, destinations_N[counts], span, scenario.duration_s)
+        _refuse_impacts(scenario, [replace(one, spacecraft=int(who[counts][one.spacecraft])) for one in impacts])
+
     deployment = deploy(
         environment,
         mothership_N=mothership.r_N,
         mothership_velocity=mothership.velocity,
         **legs(scenario, stops, points_A, behavior),
         progress=progress,
+        foresee=foresee
+        if scenario.mothership.deployer.max_speed_m_s is None
+        else None,  # insertion burns lead elsewhere
     )
-    candidates = None if check_separation else len(points_A)
     push = push_of(properties, own)
     deployment = with_insertion(scenario, environment.acceleration_N, deployment, push, candidates)
     check_burns(deployment, push)
@@ -273,20 +282,7 @@ def _check_flight(
     times = check_times(scenario.duration_s)
     r_N, _ = planned_paths(environment.acceleration_N, deployment, times)
     C_AN = np.array([environment.C_AN(t) for t in times])
-    impacts = find_impacts(shape, times, np.einsum("kij,knj->kni", C_AN, r_N)[:, :candidates])
-    if impacts:
-        raise PathError(
-            "; ".join(
-                f"sc{i.spacecraft + 1} hits {scenario.body.name} at t = {i.time:g} s, latitude {i.latitude_deg:.1f} deg, "
-                f"longitude {i.longitude_deg:.1f} deg"
-                for i in impacts[:SHOWN_IMPACTS]
-            )
-            + (f"; {len(impacts) - SHOWN_IMPACTS} more do" if len(impacts) > SHOWN_IMPACTS else "")
-            + "; change design.visiting_points, design.imaging_altitude_m, design.time_of_flight_s or "
-            f"mothership.{scenario.mothership.way}",
-            f"hitting {scenario.body.name}",
-            [impact.spacecraft for impact in impacts],
-        )
+    _refuse_impacts(scenario, find_impacts(shape, times, np.einsum("kij,knj->kni", C_AN, r_N)[:, :candidates]))
     least_radius = np.linalg.norm(r_N, axis=2).min(axis=0)
     if candidates is not None:
         return [], least_radius
@@ -295,3 +291,21 @@ def _check_flight(
         times, r_N, closer_than=safety.min_separation_m, after=safety.separation_grace_s, release_s=deployment.release_s
     )
     return near, least_radius
+
+
+def _refuse_impacts(scenario: Scenario, impacts: list[Impact]) -> None:
+    """Raise a PathError that names the impacts, if there are any."""
+    if not impacts:
+        return
+    raise PathError(
+        "; ".join(
+            f"sc{i.spacecraft + 1} hits {scenario.body.name} at t = {i.time:g} s, latitude {i.latitude_deg:.1f} deg, "
+            f"longitude {i.longitude_deg:.1f} deg"
+            for i in impacts[:SHOWN_IMPACTS]
+        )
+        + (f"; {len(impacts) - SHOWN_IMPACTS} more do" if len(impacts) > SHOWN_IMPACTS else "")
+        + "; change design.visiting_points, design.imaging_altitude_m, design.time_of_flight_s or "
+        f"mothership.{scenario.mothership.way}",
+        f"hitting {scenario.body.name}",
+        [impact.spacecraft for impact in impacts],
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -15,6 +15,8 @@ from swarm_mj.mission.trajectories import AccelerationN, Deployment, Progress, p
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.typing import Array, Indices
 
+#: What looks at flights that are to be solved: start, shape (3,), destinations, shape (n, 3), span [s], and whose they are.
+Foresee = Callable[[Array, Array, tuple[float, float], Indices], None]
 #: Attraction at its end bends a flight by at least this share of the way where shooting is sensitive to its start; flights that
 #: are bent less and yet not found lead through the body, and no parts are tried.
 LEAST_BEND = 0.1
@@ -31,6 +33,7 @@ def deploy(
     release_s: Array,
     time_of_flight: Array,
     progress: Progress | None = None,
+    foresee: Foresee | None = None,
 ) -> Deployment:
     """Find the deployment of a swarm.
 
@@ -43,6 +46,7 @@ def deploy(
         release_s: When each leaves the mothership, past the epoch, shape (n,) [s].
         time_of_flight: From release to visit, shape (n,) [s].
         progress: See `solve_transfers`.
+        foresee: Called with each group of flights before it is solved; what it raises ends the search.
 
     Raises:
         MissionError: A transfer does not exist; the message names the spacecraft.
@@ -56,13 +60,14 @@ def deploy(
     if isinstance(mothership_velocity, str):
         velocity = np.zeros(3)
         if mothership_velocity == "mean":
-            solved = _transfers(forces, at_epoch, destination_N, 0.0 * release_s, arrival_s, progress)
+            flown = None if release_s.any() else foresee
+            solved = _transfers(forces, at_epoch, destination_N, 0.0 * release_s, arrival_s, progress, flown)
             velocity = solved[0].mean(axis=0)
     else:
         velocity = np.asarray(mothership_velocity, float)
     release_r_N, release_v_N = _coast(forces, mothership_N, velocity, release_s)
     if solved is None or release_s.any():
-        solved = _transfers(forces, release_r_N, destination_N, release_s, arrival_s, progress)
+        solved = _transfers(forces, release_r_N, destination_N, release_s, arrival_s, progress, foresee)
     v0_N, miss = solved
     return Deployment(
         r0_N=mothership_N,
@@ -94,12 +99,20 @@ def _coast(forces: AccelerationN, r_N: Array, v_N: Array, times: Array) -> tuple
 
 
 def _transfers(
-    forces: AccelerationN, r0: Array, destinations: Array, start: Array, end: Array, progress: Progress | None
+    forces: AccelerationN,
+    r0: Array,
+    destinations: Array,
+    start: Array,
+    end: Array,
+    progress: Progress | None,
+    foresee: Foresee | None,
 ) -> tuple[Array, Array]:
     """Start velocities (n, 3) [m/s] and misses (n,) [m] of all, who leave and arrive together solved together."""
     v0, misses = np.empty_like(r0), np.empty(len(r0))
     together = list(groups(start, end))
     for count, (time, who) in enumerate(together):
+        if foresee is not None:
+            foresee(r0[who[0]], destinations[who], (time, float(end[who[0]])), who)
         tell = None if progress is None else partial(tell_part, progress, count, len(together))
         v0[who], misses[who] = _one_group(forces, r0[who], destinations[who], (time, float(end[who[0]])), who, tell)
     return v0, misses

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from swarm_mj.errors import MissionError
+from swarm_mj.mission.trajectories import ROUGH, propagate, rough_transfers
+from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.occultation import segments_blocked
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.smallbody.shape import ShapeModel
@@ -16,6 +19,11 @@ from swarm_mj.typing import Array, Mask
 
 #: Time between the points at which a planned flight is checked for impact and near-collision [s], and how many at most.
 CHECK_INTERVAL_S, MAX_CHECKS = 1.0, 100_000
+#: Points of a straight line at which it is looked whether a flight may lead into the body.
+STRAIGHT_CHECKS = 2000
+#: Of the largest radius: a ball that lies inside the body about a place on a path is proof of an impact; and how far past the
+#: surface such places are looked for, in these radii.
+SURE, DEPTHS = 0.01, (2.0, 5.0, 10.0, 20.0, 40.0, 80.0)
 
 
 @dataclass(frozen=True)
@@ -68,6 +76,68 @@ def find_impacts(shape: ShapeModel, times: Array, r_A: Array) -> list[Impact]:
             k = int(np.argmax(crossing))
             impacts.append(Impact(j, float(times[k]), *sub_point(path[k], np.eye(3))))
     return impacts
+
+
+def foreseen_impacts(
+    shape: ShapeModel,
+    environment: Environment,
+    r0_N: Array,
+    destinations_N: Array,
+    span: tuple[float, float],
+    end_s: float,
+) -> list[Impact]:
+    """First impacts of flights that surely lead into the body, found long before `solve_transfers` finds those flights.
+
+    Inside the body a polyhedron's field has kinks at every face, between which the integrator takes small steps. So paths whose
+    straight line crosses the body are found roughly. One is believed to hit where a ball about a place on it that is far larger
+    than its error lies inside the body.
+
+    Args:
+        shape: The body.
+        environment: Forces, and how the body turns.
+        r0_N: Common start, shape (3,) [m].
+        destinations_N: Shape (n, 3) [m].
+        span: Start and arrival, past the epoch [s].
+        end_s: Until when they fly on [s].
+    """
+    start, arrival = span
+    v0 = (destinations_N - r0_N) / (arrival - start)
+    times = np.linspace(start, end_s, STRAIGHT_CHECKS)
+    straight_A = _in_body(environment, times, r0_N + (times - start)[:, None, None] * v0)
+    near = np.array([impact.spacecraft for impact in find_impacts(shape, times, straight_A)], np.int64)
+    if not len(near):
+        return []
+    times = start + check_times(end_s - start)
+
+    def forces(t: float, r_N: Array) -> Array:
+        return environment.acceleration_N(start + t, r_N)
+
+    try:
+        v0, misses = rough_transfers(forces, r0_N, destinations_N[near], arrival - start)
+        r_N, _ = propagate(forces, np.tile(r0_N, (len(near), 1)), v0, times - start, rtol=ROUGH)
+    except MissionError:
+        return []
+    r_A, sure = _in_body(environment, times, r_N), SURE * shape.max_radius
+    return [
+        replace(impact, spacecraft=int(near[impact.spacecraft]))
+        for impact in find_impacts(shape, times, r_A)
+        if misses[impact.spacecraft] < 0.1 * sure and _deep(shape, r_A[times >= impact.time, impact.spacecraft], sure)
+    ]
+
+
+def _in_body(environment: Environment, times: Array, r_N: Array) -> Array:
+    """Positions in A of those in N at some times, each of shape (t, n, 3)."""
+    return np.einsum("kij,knj->kni", np.array([environment.C_AN(t) for t in times]), r_N)
+
+
+def _deep(shape: ShapeModel, path_A: Array, radius: float) -> bool:
+    """Whether a ball of a radius [m] about a place of a path lies inside the body, by six points on it."""
+    steps = np.linalg.norm(np.diff(path_A, axis=0), axis=1).cumsum()
+    places = path_A[1:][np.unique(np.searchsorted(steps, radius * np.array(DEPTHS)).clip(max=len(steps) - 1))]
+    ball = places[:, None] + radius * np.vstack((np.eye(3), -np.eye(3)))
+    return bool(
+        points_inside(ball.reshape(-1, 3), shape.vertices, shape.faces).reshape(len(places), 6).all(axis=1).any()
+    )
 
 
 def _near_surface(shape: ShapeModel, r_A: Array) -> Mask:

@@ -37,6 +37,9 @@ VELOCITY_STEP = 1e-2
 #: Evaluations of the force after which an integration is given up, far beyond any flyby.
 MAX_EVALUATIONS = 200_000
 
+#: Relative tolerance and rounds of `rough_transfers`.
+ROUGH, ROUGH_ROUNDS = 1e-6, 3
+
 #: A miss below this share of the distance is no missing solution but noise in the forces.
 NEARLY = 1e-9
 
@@ -228,6 +231,28 @@ def solve_transfers(
         NO_TRAJECTORY,
         np.flatnonzero(~(misses < tolerance)).tolist(),
     )
+
+
+def rough_transfers(
+    acceleration: AccelerationN, r0: Array, destinations: Array, time_of_flight: float
+) -> tuple[Array, Array]:
+    """Start velocities as of `solve_transfers`, roughly and in a fraction of its time, for paths that forces hardly bend.
+
+    Each round takes away the miss as if nothing pulled; what is left shrinks by the share that gradients of the forces bend.
+
+    Returns:
+        Start velocities (n, 3) [m/s] and what they are expected to miss by, since misses shrink in proportion (n,) [m].
+
+    Raises:
+        MissionError: A path cannot be integrated.
+    """
+    v0, misses = (destinations - r0) / time_of_flight, []
+    for _ in range(ROUGH_ROUNDS):
+        r, _ = propagate(acceleration, np.tile(r0, (len(v0), 1)), v0, np.array([0.0, time_of_flight]), rtol=ROUGH)
+        miss = r[-1] - destinations
+        v0 = v0 - miss / time_of_flight
+        misses.append(np.linalg.norm(miss, axis=1))
+    return v0, misses[-1] ** 2 / np.maximum(misses[-2], 1e-9)
 
 
 def _tell_iteration(progress: Progress, iteration: int, share: float) -> None:

@@ -11,6 +11,7 @@ from swarm_mj.dataflow.delivery import REASONS, STORAGE, TIME, Delivery, Undeliv
 from swarm_mj.dataflow.ground import elevations_deg, stations_from
 from swarm_mj.dataflow.link_budget import longest_range_m
 from swarm_mj.dataflow.radios import Radio, radio_from
+from swarm_mj.errors import at_least, at_most
 from swarm_mj.flight.downlink import MOST_SPACECRAFT, PROOF_S
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
@@ -167,38 +168,27 @@ def _lower_horizon(plan: Plan, delivery: Delivery) -> str:
     others = "lengthen data.horizon_s, or choose another link.ground.network"
     if highest < 0.05:
         return f"no station of link.ground sees the swarm in the whole window: {others}"
-    return f"link.ground.min_elevation_deg = {ground.min_elevation_deg:g}: at most {_down(highest)} lets one hear; or {others}"
+    given = f"link.ground.min_elevation_deg = {ground.min_elevation_deg:g}"
+    return f"{given}: at most {at_most(highest, 3)} lets one hear; or {others}"
 
 
 def _stronger_to_earth(plan: Plan, delivery: Delivery) -> str:
     link = plan.scenario.link
     radio, best = radio_from(link.earth, "link.earth"), max(s.g_over_t_db_k for s in stations_from(link.ground))
     least_w = _least_power_w(radio, best, float(delivery.light_time_s.min()) * SPEED_OF_LIGHT)
-    return (
-        f"link.earth.power_w = {radio.power_w:g}: at least {_up(least_w)} closes the link; or another link.earth.radio"
-    )
+    return f"link.earth.power_w = {radio.power_w:g}: at least {at_least(least_w)} closes the link; or another link.earth.radio"
 
 
 def _longer_crosslink(plan: Plan, delivery: Delivery, part: Undelivered) -> str:
     link = plan.scenario.link
     nearest_m = float(np.nanmin(delivery.relay_distance_m[:, list(part.holders)]))
     if link.max_range_m is not None and link.max_range_m < nearest_m:
-        return f"link.max_range_m = {link.max_range_m:g}: at least {_up(nearest_m)}, or null for what the budget closes"
+        return f"link.max_range_m = {link.max_range_m:g}: at least {at_least(nearest_m)}, or null for what the budget closes"
     radio = radio_from(link.crosslink, "link.crosslink")
     least_w = _least_power_w(radio, radio.g_over_t_db_k, nearest_m)
-    return f"link.crosslink.power_w = {radio.power_w:g}: at least {_up(least_w)} closes a link; or choose another radio"
+    return f"link.crosslink.power_w = {radio.power_w:g}: at least {at_least(least_w)} closes a link; or choose another radio"
 
 
 def _least_power_w(radio: Radio, g_over_t_db_k: float, range_m: float) -> float:
     """At which the slowest rate closes over a distance [W]: the square of what the range lacks."""
     return radio.power_w * (range_m / longest_range_m(radio, g_over_t_db_k)) ** 2
-
-
-def _up(value: float) -> str:
-    """Three digits, not below."""
-    digits = 2 - int(np.floor(np.log10(value)))
-    return f"{np.ceil(value * 10.0**digits) / 10.0**digits:.10g}"
-
-
-def _down(value: float) -> str:
-    return f"{np.floor(value * 10.0) / 10.0:g}"

@@ -51,7 +51,7 @@ class MothershipOrbit(Record):
     distance_m: NonNegativeFloat
     speed_m_s: NonNegativeFloat
     axes: str = "ecliptic"
-    orbit: Literal["hyperbola", "ellipse", "parabola"] | None = None
+    orbit: Literal["hyperbola", "ellipse", "parabola", "radial"] | None = None
     v_infinity_m_s: NonNegativeFloat | None = None
     v_infinity_longitude_deg: float | None = None
     v_infinity_latitude_deg: float | None = None
@@ -59,6 +59,7 @@ class MothershipOrbit(Record):
     b_r_m: float | None = None
     closest_approach_s: float | None = None
     periapsis_radius_m: NonNegativeFloat | None = None
+    apoapsis_radius_m: NonNegativeFloat | None = None
     periapsis_speed_m_s: NonNegativeFloat | None = None
     eccentricity: NonNegativeFloat | None = None
     turn_angle_deg: float | None = None

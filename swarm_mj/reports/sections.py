@@ -358,10 +358,15 @@ def _mothership_orbit(summary: dict[str, Any]) -> Html | None:
     told = {key for key, value in way.items() if value is not None}
     if way.get("orbit") == "hyperbola":
         words += _hyperbola(way) if told >= OF_HYPERBOLA else ""
+    elif way.get("orbit") == "radial":
+        if "apoapsis_radius_m" in told:
+            words += (
+                f"It rises or falls straight, osculating then, to {_km(way['apoapsis_radius_m'])} from the centre at most."
+            )
     elif told >= {"orbit", "eccentricity", "periapsis_radius_m"}:
         words += (
-            f"Its orbit, osculating then, is an {way['orbit']} of eccentricity {way['eccentricity']:.4g} with periapsis "
-            f"{_km(way['periapsis_radius_m'])} from the centre."
+            f"Its orbit, osculating then, is {'a' if way['orbit'] == 'parabola' else 'an'} {way['orbit']} of eccentricity "
+            f"{way['eccentricity']:.4g} with periapsis {_km(way['periapsis_radius_m'])} from the centre."
         )
     return join([tag("p", words)])
 

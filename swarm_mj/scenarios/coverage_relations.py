@@ -38,7 +38,7 @@ A scenario that states `camera.ground_resolution_m` gets from here what it leave
 
 from math import asin, atan2, cos, degrees, isfinite, radians, sin
 
-from swarm_mj.errors import MissionError, ScenarioError
+from swarm_mj.errors import MissionError, ScenarioError, at_most
 from swarm_mj.io.values import shown
 from swarm_mj.scenarios.constants import CUBESAT_APERTURE_M, GREEN_LIGHT_M, LONGEST_EXTENT_M
 from swarm_mj.scenarios.schema import Scenario
@@ -111,7 +111,7 @@ def with_ground_resolution(scenario: Scenario) -> Scenario:
     altitude = design.imaging_altitude_m if "imaging_altitude_m" in design.model_fields_set else highest
     if altitude > highest * (1.0 + ROUNDING):
         raise ScenarioError(
-            f"design.imaging_altitude_m = {altitude:g}: must be at most {highest:.6g}, from where a lens of "
+            f"design.imaging_altitude_m = {altitude:g}: must be at most {at_most(highest, 6)}, from where a lens of "
             f"camera.aperture_m = {camera.aperture_m:g} resolves camera.ground_resolution_m = {resolution:g} at "
             f"camera.wavelength_m = {camera.wavelength_m:g}; leave it out to get that, or change one of these"
         )

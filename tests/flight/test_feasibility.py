@@ -6,8 +6,8 @@ from copy import deepcopy
 import numpy as np
 import pytest
 
-from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.feasibility import sight_rates, visit_geometry
+from swarm_mj.errors import ScenarioError, at_least, at_most
+from swarm_mj.flight.feasibility import TURN_IN_A_PERIOD, sight_rates, visit_geometry
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.spacecraft.attitude.slew import slew_profile, slew_time, turning_limits
@@ -75,8 +75,12 @@ def test_what_cannot_work_is_refused_by_name(overrides, words):
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [
-        (["spacecraft.wheel.max_speed_rpm=3000"], "angular rate of 0.07.*spacecraft.wheel.max_speed_rpm"),
-        ([LITTLE], r"angular acceleration of 0.003\d* rad/s\^2 near the visit.*give 0.0016.*max_torque_n_m"),
+        (
+            ["spacecraft.wheel.max_speed_rpm=3000"],
+            "rate of 0.07.*about the worst axis across the camera's the wheels give 0.089.* rad/s .about the best 0.12.*"
+            ", and the initial tumbling may take 0.036.*spacecraft.wheel.max_speed_rpm",
+        ),
+        ([LITTLE], r"acceleration of 0.003\d* rad/s\^2 near the visit.*give 0.0016.* .about the best 0.002.*max_torque_n_m"),
         (["control.period_s=2", "observation.interval_s=10", "telemetry.interval_s=2", "control.parameters.layer=0.2"],
          "control.period_s = 2: the line of sight turns by 8"),
         (["observation.interval_s=50", "camera.half_angle_deg=0.05"], "pictures do not join; at most"),
@@ -108,6 +112,27 @@ def test_unlike_missions_raise_no_alarm(speed, distance, axes):
         "telemetry": {"interval_s": 10},
     }
     assert make_plan(load_scenario(mission)).encounter_findings == ()
+
+
+@pytest.mark.parametrize("period", [0.5, 1.0, 2.0])
+def test_a_period_that_is_told_keeps_the_limit_and_differs_from_the_one_that_broke_it(period):
+    """Just above the limit: speeds past the body at which the line of sight turns by 0.1 rad in a period, and a little more."""
+    for more in (1.0001, 1.003, 1.04):
+        speed = more * TURN_IN_A_PERIOD / period * DISTANCE
+        visit = period * round(VISIT / period)
+        start = f"mothership.position_A_m=[0,{DISTANCE},{-speed * visit}]"
+        times = [f"control.period_s={period}", f"telemetry.interval_s={period}", f"design.time_of_flight_s={visit}"]
+        easy = ["spacecraft.wheel.max_speed_rpm=60000", "control.parameters.layer=0.2", "observation.interval_s=10"]
+        (said,) = [one for one in found(start, *times, *easy) if one.startswith("control.period_s")]
+        turned, most, kept = map(
+            float, re.search(r"turns by (\S+) deg .* at most (\S+) s keeps .* within (\S+) deg", said).groups()
+        )
+        assert most < period and most * speed / DISTANCE <= TURN_IN_A_PERIOD and turned > kept
+
+
+def test_limits_in_messages_are_cut_to_the_side_that_keeps_them():
+    assert [at_most(x) for x in (0.4996, 0.5, 123.0, -1.23, 0.0)] == ["0.49", "0.5", "120", "-1.3", "0"]
+    assert [at_least(x) for x in (0.4996, 0.3, 1.1, 12341.0, 99.95)] == ["0.5", "0.3", "1.1", "12400", "100"]
 
 
 def test_the_quickest_turn_is_bang_bang_or_bang_coast_bang():

@@ -81,6 +81,20 @@ def test_a_field_flies_the_hyperbola_to_its_periapsis_in_time():
     assert np.linalg.norm(r[-1]) == pytest.approx(told["periapsis_radius_m"], rel=1e-9)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("speed", [0.0, -0.05, 0.04])
+def test_a_path_straight_up_or_down_is_no_parabola_and_flies_to_its_apoapsis(speed):
+    scenario, r_N = asked(), np.array([0.0, 2000.0, 500.0])
+    environment = surroundings(scenario)
+    distance = np.linalg.norm(r_N)
+    told = osculating_orbit(scenario, environment, r_N, speed * r_N / distance)
+    assert told["orbit"] == "radial" and told["eccentricity"] == 1.0 and told["periapsis_radius_m"] == 0.0
+    # Energy is all potential at the apoapsis.
+    assert -5.0 / told["apoapsis_radius_m"] == pytest.approx(0.5 * speed**2 - 5.0 / distance, rel=1e-12)
+    aside = osculating_orbit(scenario, environment, r_N, np.array([1e-3, 0.0, 0.0]))
+    assert aside["orbit"] == "ellipse" and aside["eccentricity"] < 1.0
+
+
 def test_angles_are_those_of_the_axes_by_name():
     environment = surroundings(asked())
     for name in ("ecliptic", "equatorial", "body_equator"):

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from swarm_mj.errors import MissionError
+from swarm_mj.errors import MissionError, PathError
+from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.mission.safety import close_approaches, find_impacts
-from swarm_mj.scenarios.loading import load_scenario, parse_overrides
+from swarm_mj.mission import deployment
+from swarm_mj.mission.safety import close_approaches, find_impacts, foreseen_impacts
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides, scenario_from
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_harmonics import build_eros
 from swarm_mj.smallbody.shape_io import save_shape
@@ -35,6 +37,45 @@ def test_a_passage_through_a_lobe_between_two_samples_is_found(eros):
 def test_a_path_that_misses_is_no_impact(eros):
     path = np.stack((straight([-30e3, 20e3, 0], [600, 0, 0]), straight([-30e3, 0, 20e3], [600, 0, 0])), axis=1)
     assert find_impacts(eros, TIMES, path) == []
+
+
+#: A ball of 1 km with the GM of a feather: flights are straight lines, from 10 km off, at 100 m/s, to points 5 km behind it.
+BALL = {
+    "name": "ball",
+    "duration_s": 600,
+    "body": {
+        "name": "Ball",
+        "shape": "ellipsoid",
+        "semi_axes_m": [1000, 1000, 1000],
+        "gravity": {"model": "point_mass", "parameters": {"gm": 1e-6}},
+        "rotation": {"w_rate_deg_per_day": 0},
+    },
+}
+
+
+@pytest.mark.parametrize("aside", [50.0, 500.0, 900.0, 980.0, 995.0, 1100.0])
+def test_an_impact_is_foreseen_where_a_straight_path_is_deep_in_the_body_and_never_where_it_only_grazes(aside):
+    scenario = scenario_from(BALL)
+    shape = load_body_shape(scenario.body)
+    environment = environment_from(scenario, shape)
+    start, end = np.array([-10_000.0, aside, 0.0]), np.array([[5_000.0, aside, 0.0], [5_000.0, 9_000.0, 0.0]])
+    to_N = environment.C_AN(0.0)
+    found = foreseen_impacts(shape, environment, start @ to_N, end @ to_N, (0.0, 150.0), 200.0)
+    if aside < 985.0:
+        (impact,) = found
+        # The ellipsoid's mesh lies a little below the sphere; instants are whole seconds.
+        assert impact.spacecraft == 0 and impact.time == pytest.approx(100.0 - np.sqrt(1e6 - aside**2) / 100.0, abs=1.6)
+    else:
+        assert found == []
+
+
+def test_a_path_through_the_body_is_refused_before_flights_are_solved(monkeypatch):
+    """Through Eros by its polyhedron: to solve such flights takes minutes, and each step counts all faces."""
+    monkeypatch.setattr(deployment, "solve_transfers", lambda *given: pytest.fail("flights are being solved"))
+    changes = {"mothership.position_A_m": [0, -30_000, 0], "body.gravity": {"model": "polyhedron"}}
+    with pytest.raises(PathError, match=r"sc1 hits 433 Eros at t = 32\d s, latitude 2\d.\d deg") as refused:
+        make_plan(load_scenario("eros-config1", {**changes, "design.visiting_points": [7]}), check_separation=False)
+    assert refused.value.spacecraft == (0,)
 
 
 def test_a_near_collision_between_samples_is_found_with_its_time_and_distance():

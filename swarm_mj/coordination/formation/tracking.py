@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swarm_mj.errors import ScenarioError
+from swarm_mj.errors import ScenarioError, at_most
 from swarm_mj.typing import Array, Mask
 
 #: Held for a period T, feedback of this bandwidth is still as damped as it says: w T at most.
@@ -46,8 +46,8 @@ class Tracking:
         most = MOST_BANDWIDTH_PERIODS / period / max(1.0, 2.0 * self.damping)
         if self.bandwidth > most:
             raise ScenarioError(
-                f"swarm.formation.bandwidth_rad_s = {self.bandwidth:g}: must be at most {most:.4g} with control.period_s = "
-                f"{period:g} and damping = {self.damping:g}, or the loop oscillates"
+                f"swarm.formation.bandwidth_rad_s = {self.bandwidth:g}: must be at most {at_most(most, 4)} with "
+                f"control.period_s = {period:g} and damping = {self.damping:g}, or the loop oscillates"
             )
 
     def feedback(self, error: Array, rate: Array, most: Array) -> Array:
