@@ -172,16 +172,17 @@ def _reachable(scenario: Scenario, points: Sequence[int], progress: Progress | N
         SwarmError: Something else is wrong.
     """
     left_out: dict[int, str] = {}
+    first: MissionError | None = None  # it numbers spacecraft as points
     while True:
         try:
             plan = make_plan(at_points(scenario, points), check_separation=False, progress=progress)
             return plan, dict(sorted(left_out.items()))
         except MissionError as error:
-            bad = _who_fails(scenario, points, error)
+            first, bad = first or error, _who_fails(scenario, points, error)
             left_out |= bad
             points = [point for point in points if point not in bad]
             if not bad or not points:
-                raise Unreachable(f"no visiting point of the target can be flown to: {error}", left_out) from error
+                raise Unreachable(f"no visiting point of the target can be flown to: {first}", left_out) from error
 
 
 def _who_fails(scenario: Scenario, points: Sequence[int], error: MissionError) -> dict[int, str]:
