@@ -20,7 +20,11 @@ def add(commands: argparse._SubParsersAction) -> None:
     build.add_argument("--frequency", type=int, metavar="N", help="of the geodesic mesh: 20 N^2 faces (default 20)")
     load = add_command(commands, "load-shape", _load, "check and describe a shape file")
     load.add_argument("file", type=Path, metavar="FILE", help="OBJ, PLY, STL, PDS .tab or SPICE .bds")
-    load.add_argument("--unit", choices=("m", "km"), help="unit of FILE (default: m, but km for .tab and .bds)")
+    load.add_argument(
+        "--unit",
+        choices=("m", "km"),
+        help="unit of FILE (default: m, but km for .tab and .bds; asked for where both may be)",
+    )
     load.add_argument(
         "--radius-range",
         nargs=2,

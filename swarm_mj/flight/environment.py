@@ -78,8 +78,12 @@ def load_body_shape(body: Body) -> ShapeModel:
         return load_body(body.shape)
     if body.semi_axes_m is not None:
         return build_ellipsoid(body.semi_axes_m, body.name)
+    gm = body.gravity.parameters.get("gm")
+    known = float(gm) if isinstance(gm, (int, float)) and gm > 0.0 else None
     try:
-        return load_shape(body.shape, unit=body.shape_unit, name=body.name, expect_radius_m=body.radius_range_m)
+        return load_shape(
+            body.shape, unit=body.shape_unit, name=body.name, expect_radius_m=body.radius_range_m, gm=known
+        )
     except BodySizeError as error:
         advice = error.advised("give body.shape_unit: {unit}", "give body.radius_range_m: [LOWEST, HIGHEST]")
         raise ShapeError(f"body.shape = {body.shape}: {advice}") from None

@@ -221,8 +221,8 @@ class EncounterCheck:
             if (shortest := min(passage)) < interval:
                 found.append(
                     f"observation.interval_s = {interval:g}: an observer is inside behavior.imaging_radius_m = {radius:g} for "
-                    f"{shortest:.3g} s, which leaves the picture of the visit alone; take pictures more often or widen the "
-                    "radius"
+                    f"{shortest:.3g} s, which leaves at most one picture besides that at the target point; take pictures more "
+                    "often or widen the radius"
                 )
             surface = float(np.linalg.norm(self.region.centroid_A, axis=1).mean())
             height = np.linalg.norm(met.r_N, axis=1) - surface
@@ -245,7 +245,7 @@ class EncounterCheck:
             needed = float(np.linalg.norm(met.r_N[j] - least * met.v_N[j]))
             found.append(
                 f"behavior.imaging_radius_m = {radius:g}: it is crossed {entry_s[j]:.3g} s before the visit, and half a turn "
-                f"takes the wheels {least:.3g} s at least; {at_least(needed)} m gives that time"
+                f"about the worst axis takes the wheels {at_least(least)} s; {at_least(needed)} m gives that time"
             )
         return found
 

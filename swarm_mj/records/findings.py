@@ -29,7 +29,7 @@ SETTLED_DEG = 0.1
 SETTLING_S = 120.0
 #: Events that are listed one by one.
 MOST_EVENTS = 30
-#: Spacecraft that are named one by one.
+#: Spacecraft, and pairs of them, that are named one by one.
 MOST_NAMES = 10
 
 
@@ -126,12 +126,15 @@ def event_findings(summary: dict[str, Any]) -> list[str]:
 
 
 def near_collision_findings(summary: dict[str, Any]) -> list[str]:
-    """One sentence for each pair that came too close."""
-    return [
+    """One sentence for each pair that came too close, the `MOST_NAMES` nearest."""
+    pairs = sorted(summary["near_collisions"], key=lambda near: near["distance_m"])
+    found = [
         f"near-collision of {near['spacecraft'][0]} and {near['spacecraft'][1]}, {near['distance_m']:.1f} m at "
         f"t = {near['time_s']:.0f} s"
-        for near in summary["near_collisions"]
+        for near in pairs[:MOST_NAMES]
     ]
+    more = len(pairs) - len(found)
+    return found + ([f"and {more} more near-collisions, see summary.json"] if more else [])
 
 
 def imaging_findings(scenario: Scenario, summary: dict[str, Any]) -> list[str]:

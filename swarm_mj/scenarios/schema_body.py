@@ -69,7 +69,9 @@ class Body(Section):
         None, description="of the shape 'ellipsoid', along x, y and z of A [m]; null for all other shapes"
     )
     shape_unit: Literal["m", "km"] | None = Field(
-        None, description="unit of the vertices in the file; null: metres, but kilometres for .tab and .bds"
+        None,
+        description="unit of the vertices in the file; null: metres, but kilometres for .tab and .bds; refused where gm of "
+        "body.gravity.parameters speaks for the other one, or, without gm, where both make a body of believable size",
     )
     radius_range_m: tuple[float, float] = Field(
         (50.0, 2.0e6),

@@ -60,6 +60,15 @@ class BodySizeError(ShapeError):
         )
 
 
+class UnknownUnitError(BodySizeError):
+    """A body that may be meant in metres or in kilometres."""
+
+    def advised(self, unit_advice: str, range_advice: str) -> str:
+        """See `BodySizeError`; the size is not in doubt where the unit is known."""
+        other = "m" if self.unit == "km" else "km"
+        return f"{self.found}: {unit_advice.format(unit=self.unit)}, or {other} if that is meant"
+
+
 def shown_size(value: float, power: int) -> str:
     """A length, area or volume [m, m^2, m^3] by its power of a length, to four digits, in m or km, whichever fits."""
     scale, unit = (1e3, "km") if value >= LEAST_IN_KM[power] else (1.0, "m")

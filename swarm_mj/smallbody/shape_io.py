@@ -14,9 +14,10 @@ from typing import Literal
 from swarm_mj.errors import ShapeError
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.records import reading, require_file, writing
+from swarm_mj.scenarios import constants
 from swarm_mj.smallbody.mesh_files import read_dsk, read_obj, read_ply, read_stl, read_tab
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.smallbody.shape_check import BODY_RADIUS_RANGE_M, check_shape
+from swarm_mj.smallbody.shape_check import BODY_RADIUS_RANGE_M, UnknownUnitError, check_shape
 from swarm_mj.typing import Array, Ints
 
 Unit = Literal["m", "km"]
@@ -32,6 +33,12 @@ READERS: dict[str, tuple[Callable[[Path], Mesh], Unit]] = {
     ".tab": (read_tab, "km"),
     ".bds": (read_dsk, "km"),
 }
+#: Largest radius [m] up to which kilometres are thought of where a file does not say: Ceres has 0.48e6 m.
+LARGEST_M = 6e5
+#: Densities of bodies that are believed [kg/m^3]; readings in m and in km are a factor of 1e9 apart.
+DENSITIES = (1.0, 1e5)
+#: What `save_shape` writes at the top of its files.
+METRES_COMMENT = "# metres, body-fixed frame A"
 #: Larger files are refused [bytes]: about three million faces, beyond what gravity and coverage can use, read in 2 GB.
 MAX_FILE_BYTES = 128 * 2**20
 
@@ -42,15 +49,18 @@ def load_shape(
     unit: Unit | None = None,
     name: str | None = None,
     expect_radius_m: tuple[float, float] = BODY_RADIUS_RANGE_M,
+    gm: float | None = None,
 ) -> ShapeModel:
     """Read and check a shape model.
 
     Args:
         path: an .obj, .ply (text or binary), .stl (text or binary), PDS .tab or SPICE .bds file. Polygons with more than three
             corners are cut into a fan of triangles about the first; texture, colour and normals are ignored.
-        unit: unit of length in the file; None: kilometres for .tab and .bds, metres for the others.
+        unit: unit of length in the file; None: kilometres for .tab and .bds, metres for the others, of which those are refused
+            whose size would be believed in kilometres as well, unless they say that they hold metres, as `save_shape` does.
         name: what messages call the body; None: the file's name.
         expect_radius_m: lowest and highest believable distance of the farthest vertex from the origin [m].
+        gm: of the body [m^3/s^2], by whose density the unit is judged where none is given; None: not known.
 
     Returns:
         The shape in metres, frame A being the frame of the file.
@@ -60,7 +70,7 @@ def load_shape(
     """
     path = Path(path)
     reader, usual_unit = _reader(path)
-    unit = usual_unit if unit is None else unit
+    given, unit = unit, usual_unit if unit is None else unit
     if unit not in METRES:
         raise ShapeError(f"{path}: unit {unit!r} is unknown; use one of {', '.join(map(repr, METRES))}")
     with reading(
@@ -68,7 +78,54 @@ def load_shape(
     ):
         require_file(path, MAX_FILE_BYTES)
         vertices, faces = reader(path)
-    return check_shape(vertices * METRES[unit], faces, name or path.name, expect_radius_m=expect_radius_m)
+    shape = check_shape(vertices * METRES[unit], faces, name or path.name, expect_radius_m=expect_radius_m)
+    if given is None:
+        _check_unit(shape, unit, expect_radius_m, gm, told=unit == "km" or _says_metres(path))
+    return shape
+
+
+def _check_unit(
+    shape: ShapeModel, unit: Unit, believed_m: tuple[float, float], gm: float | None, *, told: bool
+) -> None:
+    """See that a body was read in the unit that it is meant in.
+
+    Args:
+        shape: As it was read.
+        unit: In which.
+        believed_m: Lowest and highest believable largest radius [m].
+        gm: Of the body [m^3/s^2]; None: not known.
+        told: Whether the format or the file says that it is this unit.
+
+    Raises:
+        UnknownUnitError: It speaks for the other unit, or nothing speaks for either.
+    """
+    other: Unit = "m" if unit == "km" else "km"
+    larger = METRES[other] / METRES[unit]
+    if gm is not None:
+        density = gm / (constants.GRAVITATIONAL_CONSTANT * shape.volume)
+        low, high = DENSITIES
+        if low <= density <= high:
+            return
+        if low <= density / larger**3 <= high:
+            raise UnknownUnitError(
+                f"{shape.name}: read in {unit} its density by GM = {gm:g} m^3/s^2 is {density:.3g} kg/m^3, in {other} "
+                f"{density / larger**3:.3g} kg/m^3",
+                other,
+            )
+    if not told and believed_m[0] <= shape.max_radius * larger <= min(believed_m[1], LARGEST_M):
+        raise UnknownUnitError(
+            f"{shape.name}: the farthest vertex is {shape.max_radius:.4g} from the origin, in metres or kilometres, which the "
+            "file does not say",
+            other,
+        )
+
+
+def _says_metres(path: Path) -> bool:
+    """Whether a file is an OBJ that `save_shape` has written."""
+    if path.suffix.lower() != ".obj":
+        return False
+    with open(path, "rb") as file:
+        return METRES_COMMENT.encode() in file.read(4096)
 
 
 def save_shape(shape: ShapeModel, path: str | os.PathLike[str]) -> None:
@@ -84,7 +141,7 @@ def save_shape(shape: ShapeModel, path: str | os.PathLike[str]) -> None:
         OutputError: the file cannot be written; what stood there before is untouched.
     """
     path = Path(path)
-    lines = [f"# {' '.join(shape.name.split())}", "# metres, body-fixed frame A, faces counter-clockwise from outside"]
+    lines = [f"# {' '.join(shape.name.split())}", f"{METRES_COMMENT}, faces counter-clockwise from outside"]
     lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in shape.vertices.tolist()]
     lines += [f"f {i} {j} {k}" for i, j, k in (shape.faces + 1).tolist()]
     with writing(path, "choose another file"):

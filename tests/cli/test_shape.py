@@ -47,6 +47,30 @@ def test_sizes_keep_four_digits_in_the_unit_that_fits(value, power, words):
     assert shown_size(value, power) == words
 
 
+def test_a_file_in_metres_or_kilometres_is_asked_about_by_the_command_and_by_a_scenario(tmp_path, capsys):
+    file = ellipsoid(tmp_path, 135.0, 60.0, 45.0)
+    bare = "".join(line for line in open(file).readlines() if not line.startswith("#"))
+    (tmp_path / "body.obj").write_text(bare)
+    assert main(["load-shape", file]) == 2
+    said = capsys.readouterr().err
+    assert "give --unit km, or m if that is meant" in said
+    assert main(["load-shape", file, "--unit", "km"]) == 0
+    assert "135 km" in capsys.readouterr().out
+    gravity = "body.gravity={model: point_mass, parameters: {gm: 1.98e8}}"
+    given = [
+        "--set",
+        f"body.shape={file}",
+        "--set",
+        gravity,
+        "--out",
+        str(tmp_path / "out"),
+        "--no-figures",
+        "--no-report",
+    ]
+    assert main(["fly", "eros-quick", *given]) == 2
+    assert "give body.shape_unit: km, or m if that is meant" in " ".join(capsys.readouterr().err.split())
+
+
 def test_a_body_of_23_m_is_refused_in_the_words_of_the_command_and_taken_when_told(tmp_path, capsys):
     file = ellipsoid(tmp_path, 23.0, 20.0, 18.0)
     assert main(["load-shape", file]) == 2

@@ -10,7 +10,13 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import picture_count
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.behaviors import TargetKind, Targets
-from swarm_mj.records.findings import borrowed_findings, direction_findings, imaging_findings, summary_findings
+from swarm_mj.records.findings import (
+    borrowed_findings,
+    direction_findings,
+    imaging_findings,
+    near_collision_findings,
+    summary_findings,
+)
 from swarm_mj.records.modes import held_s
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides, scenario_from
 
@@ -68,6 +74,14 @@ def test_pointing_that_had_time_and_did_not_settle_is_told_from_targets_that_wer
     assert summary_findings(summary(0.01, 30.0)) == []
     assert summary_findings(summary(0.01, 30.0, encounter_findings=["too fast"])) == ["too fast"]
     assert len(summary_findings(summary(1.5, 300.0, lost=["sc1", "sc2"]))) == 0
+
+
+def test_of_many_near_collisions_the_nearest_are_told_and_the_rest_counted():
+    pairs = [{"spacecraft": ["sc1", f"sc{k}"], "time_s": 60.0, "distance_m": 30.0 - k} for k in range(2, 27)]
+    told = near_collision_findings({"near_collisions": pairs})
+    assert told[0] == "near-collision of sc1 and sc26, 4.0 m at t = 60 s" and len(told) == 11
+    assert told[-1] == "and 15 more near-collisions, see summary.json"
+    assert len(near_collision_findings({"near_collisions": pairs[:10]})) == 10
 
 
 def test_a_summary_of_an_earlier_version_tells_nothing_of_targets_and_is_read():

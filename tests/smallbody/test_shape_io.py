@@ -133,9 +133,54 @@ def test_obj_decorations_negative_indices_and_polygons_are_understood(tmp_path):
     quads = ["1/1/1 2/2/1 4/3/1 3/4/1", "5//2 7//2 8//2 6//2", "-8 -4 -3 -7", "3 4 8 7", "1 3 7 5", "2 6 8 4"]
     text = "# box\nmtllib x.mtl\no box\n" + "".join(f"v {x} {y} {z} 0.5 0.5 0.5\n" for x, y, z in corners)
     path.write_text(text + "vt 0 0\nvn 0 0 1\ns off\n" + "".join(f"f {quad} # side\n" for quad in quads))
-    shape = load_shape(path)
+    shape = load_shape(path, unit="m")
     assert len(shape.faces) == 12
     assert shape.volume == pytest.approx(8e6)
+
+
+def bare_ellipsoid(folder, axes, ending="obj"):
+    """An ellipsoid whose file says nothing of its unit."""
+    directions, faces = geodesic_icosahedron(6)
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in (directions * axes).tolist()]
+    lines += [f"f {i} {j} {k}" for i, j, k in (faces + 1).tolist()]
+    (folder / f"body.{ending}").write_text("\n".join(lines) + "\n")
+    return folder / f"body.{ending}"
+
+
+#: About 216 Kleopatra, in kilometres, and its mass by Marchis et al. 2021 (A&A 653, A57).
+KLEOPATRA, KLEOPATRA_GM = (135.0, 60.0, 45.0), 2.97e18 * 6.6743e-11
+
+
+def test_numbers_that_may_be_metres_or_kilometres_are_asked_about_and_never_guessed(tmp_path):
+    path = bare_ellipsoid(tmp_path, KLEOPATRA)
+    with pytest.raises(
+        ShapeError, match='farthest vertex is 135 from the origin.*pass unit="km", or m if that is meant'
+    ):
+        load_shape(path)
+    assert load_shape(path, unit="km").max_radius == pytest.approx(135e3)
+    assert load_shape(path, unit="m").max_radius == pytest.approx(135.0)
+    # Nobody takes a body of 1.7 km for one of 1,700 km, and who says how large it is has said the unit.
+    assert load_shape(bare_ellipsoid(tmp_path, (1700.0, 800.0, 600.0))).max_radius == pytest.approx(1700.0)
+    assert load_shape(bare_ellipsoid(tmp_path, KLEOPATRA), expect_radius_m=(50.0, 500.0)).max_radius == pytest.approx(
+        135.0
+    )
+
+
+def test_a_gravitational_parameter_says_the_unit_by_the_density(tmp_path):
+    path = bare_ellipsoid(tmp_path, KLEOPATRA)
+    with pytest.raises(ShapeError, match=r'in m its density.* kg/m\^3, in km 1\.9\d.*pass unit="km"'):
+        load_shape(path, gm=KLEOPATRA_GM)
+    pebble_gm = 2000.0 * 6.6743e-11 * 4 / 3 * np.pi * np.prod(KLEOPATRA)
+    assert load_shape(path, gm=pebble_gm).max_radius == pytest.approx(135.0)
+    # 250 m written into a file whose numbers are kilometres by custom.
+    with pytest.raises(ShapeError, match=r'in km its density.*pass unit="m"'):
+        load_shape(bare_ellipsoid(tmp_path, (250.0, 240.0, 230.0), "tab"), gm=4.89)
+    assert load_shape(path, unit="m", gm=KLEOPATRA_GM).max_radius == pytest.approx(135.0)
+
+
+def test_a_file_of_our_own_says_that_it_holds_metres(tmp_path):
+    save_shape(load_shape(bare_ellipsoid(tmp_path, KLEOPATRA), unit="m"), tmp_path / "saved.obj")
+    assert load_shape(tmp_path / "saved.obj").max_radius == pytest.approx(135.0)
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
