@@ -84,7 +84,7 @@ def test_what_cannot_work_is_refused_by_name(overrides, words):
         (["control.period_s=2", "observation.interval_s=10", "telemetry.interval_s=2", "control.parameters.layer=0.2"],
          "control.period_s = 2: the line of sight turns by 8"),
         (["observation.interval_s=50", "camera.half_angle_deg=0.05"], "pictures do not join; at most"),
-        (["behavior.imaging_radius_m=105000"], "crossed 8.3 s before the visit, and half a turn about the worst axis takes the wheels 2.* s"),
+        (["behavior.imaging_radius_m=105000"], "crossed 8.3 s before .* half a turn about the worst axis takes the wheels 2"),
         (["behavior.imaging_radius_m=101000"], "inside behavior.imaging_radius_m = 101000 for"),
         (["observation.max_smear_px=0.12"], "of the faces in the pictures of the visit smear more, up to 0.14"),
     ],
