@@ -38,9 +38,8 @@ class Bound:
         name: Name for `--only`; its first word is the group.
         what: What is measured.
         reference: What it is compared with.
-        tolerance: Bound on the measured number.
+        tolerance: Upper bound on the measured number.
         unit: Unit of both.
-        at_least: Whether the bound is a lower one; else it is an upper one.
     """
 
     name: str
@@ -48,7 +47,6 @@ class Bound:
     reference: str
     tolerance: float
     unit: str
-    at_least: bool = field(default=False, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -95,8 +93,7 @@ class Experiment(Bound):
             return self._check(None, False, f"{type(error).__name__}: {error}")
         if not math.isfinite(measured):
             return self._check(None, False, f"measured {measured}")
-        kept = measured >= self.tolerance if self.at_least else measured <= self.tolerance
-        return self._check(measured, kept, "")
+        return self._check(measured, measured <= self.tolerance, "")
 
     def _check(self, measured: float | None, passed: bool | None, note: str) -> Check:
         stated = {each.name: getattr(self, each.name) for each in fields(Bound)}
@@ -114,7 +111,6 @@ def experiment(
     unit: str = "1",
     *,
     what: str | None = None,
-    at_least: bool = False,
     package: str | None = None,
 ) -> Callable[[Measure], Measure]:
     """Make a check of a function that measures a deviation; arguments as in `Bound` and `Experiment`.
@@ -125,7 +121,7 @@ def experiment(
     def add(measure: Measure) -> Measure:
         words = what or cleandoc(measure.__doc__ or "").split("\n\n")[0].rstrip(".")
         stated = (name, words, reference, tolerance, unit)
-        EXPERIMENTS.append(Experiment(*stated, measure, at_least=at_least, package=package))
+        EXPERIMENTS.append(Experiment(*stated, measure, package=package))
         return measure
 
     return add

@@ -142,7 +142,7 @@ def table(checks: Sequence[Check]) -> Table:
 
 def tolerance(check: Check) -> str:
     """The bound with its direction and unit."""
-    return f"{'>=' if check.at_least else '<='} {_with_unit(check.tolerance, check.unit)}"
+    return f"<= {_with_unit(check.tolerance, check.unit)}"
 
 
 def measured(check: Check) -> str:

@@ -26,7 +26,7 @@ from swarm_mj.spacecraft.control import MrpSlidingMode
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.verification import attitude, coverage, ephemerides, flights, orbits, runner, target
 from swarm_mj.verification.experiment import Bench, Check, Experiment, NotRun
-from swarm_mj.verification.runner import EXPERIMENTS, choose, run_experiments, run_validation, tolerance
+from swarm_mj.verification.runner import EXPERIMENTS, choose, run_experiments, run_validation
 
 WITH_OPENGL = ("coverage-footprint-faceid", "coverage-pixels", "coverage-observers", "coverage-polygons-faceid")
 
@@ -388,10 +388,13 @@ def test_a_measurement_passes_fails_or_is_not_run(measure, passed, note):
     assert (check.passed, check.note) == (passed, note)
 
 
-def test_a_lower_bound_is_judged_and_shown_as_one():
-    low, high = (experiment(lambda bench, x=x: x, at_least=True).run(Bench()) for x in (1.9, 2.0))
-    assert (low.passed, high.passed) == (False, True)
-    assert tolerance(high) == ">= 2 m"
+@pytest.mark.parametrize("order", [3, 4, 5])
+def test_the_check_of_the_order_passes_the_fourth_alone(order, monkeypatch):
+    """Errors c h^p (1 + d h) with the d that flights have, some 1 / s."""
+    monkeypatch.setattr(attitude, "fly", lambda *given, timestep, **keys: timestep)
+    monkeypatch.setattr(attitude, "attitude_error", lambda step: 1e-4 * step**order * (1.0 + 2.0 * step))
+    (check,) = run_experiments(choose(["attitude-order"]))
+    assert check.passed is (order == 4)
 
 
 def test_what_checks_share_is_made_once_in_a_validation_and_anew_in_the_next():
