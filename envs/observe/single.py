@@ -168,7 +168,7 @@ the body and of its horizons, link budget |
     | term | weight | measure of a step |
     |---|---|---|
     | seen | 1 | dA / A: area of the cells seen for the first time over what is possible |
-    | delivered | 1 | dD / D: data that Earth received over the volume of what is possible |
+    | delivered | 1 | dD / D: bits that Earth received over the volume of what is possible; in `sm.fly` delivered is area |
 
     Possible, A, are the lit cells that some spacecraft passes within reach as the swarm was let go, if nothing fails (at least
     a fifth of the target), and D their data straight down from H. Failures are left out of them: otherwise what a step brings

@@ -22,6 +22,13 @@ def test_package_changelog_and_citation_name_the_same_version_and_date():
     assert date.fromisoformat(day) == citation["date-released"]
 
 
+def test_the_citation_is_of_the_software_with_the_paper_as_a_reference():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert citation["type"] == "software" and citation["title"].startswith("swarm_mj")
+    assert "preferred-citation" not in citation  # programs would give that in place of the software
+    assert [reference["number"] for reference in citation["references"]] == ["AAS 19-144"]
+
+
 def test_workflows_and_issue_forms_are_valid_yaml_and_name_what_exists():
     for path in (ROOT / ".github").rglob("*.yml"):
         yaml.safe_load(path.read_text())
