@@ -331,14 +331,15 @@ def _steps(compared: ComparedClasses) -> str:
 def _conclusions(compared: ComparedClasses) -> str:
     """What the steps come to, in words that hold whatever the numbers."""
     hours = {one.name: one.map_h for one in compared.classes}
-    planned, replanned, places = (_gains(compared, "0", after) for after in ("3", "4", "0 placed"))
+    planned, replanned, places, held = (_gains(compared, "0", after) for after in ("3", "4", "0 placed", "1"))
+    there = _gains(compared, "0 placed", "4 placed")
     return (
         f"Planned places change what class 0 delivers by {places[0]:+.1f} %, replanning in flight by {replanned[0]:+.1f} % at "
-        f"the designed places and {_gains(compared, '0 placed', '4 placed')[0]:+.1f} % at the planned ones, holding the "
-        f"formation by {_gains(compared, '0', '1')[0]:+.1f} %. A plan made before the encounter stands {planned[1]:+.1f} % against "
-        f"everybody alone while nothing is lost, and {planned[2]:+.1f} % with losses: it has a single relay, which nobody "
-        f"replaces. All that was observed is on Earth after {hours['4']:.1f} h in class 4, whose spacecraft know who holds "
-        f"what, and after {hours['0']:.1f} h in class 0, where each sends what others have sent as well."
+        f"the designed places and {there[0]:+.1f} % at the planned ones, holding the formation by {held[0]:+.1f} %. A plan "
+        f"made before the encounter stands {planned[1]:+.1f} % against everybody alone while nothing is lost, and "
+        f"{planned[2]:+.1f} % with losses: it has a single relay, which nobody replaces. All that was observed is on Earth after "
+        f"{hours['4']:.1f} h in class 4, whose spacecraft know who holds what, and after {hours['0']:.1f} h in class 0, where "
+        "each sends what others have sent as well."
     )
 
 
