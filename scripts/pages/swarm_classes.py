@@ -337,9 +337,9 @@ def _conclusions(compared: ComparedClasses) -> str:
         f"Planned places change what class 0 delivers by {places[0]:+.1f} %, replanning in flight by {replanned[0]:+.1f} % at "
         f"the designed places and {there[0]:+.1f} % at the planned ones, holding the formation by {held[0]:+.1f} %. A plan "
         f"made before the encounter stands {planned[1]:+.1f} % against everybody alone while nothing is lost, and "
-        f"{planned[2]:+.1f} % with losses: it has a single relay, which nobody replaces. All that was observed is on Earth after "
-        f"{hours['4']:.1f} h in class 4, whose spacecraft know who holds what, and after {hours['0']:.1f} h in class 0, where "
-        "each sends what others have sent as well."
+        f"{planned[2]:+.1f} % with losses: it has a single relay, which nobody replaces. All that was observed is on Earth "
+        f"after {hours['4']:.1f} h in class 4, whose spacecraft know who holds what, and after {hours['0']:.1f} h in class 0, "
+        "where each sends what others have sent as well."
     )
 
 

@@ -94,7 +94,7 @@ def test_a_mesh_is_not_written_where_it_must_not_be(tmp_path, monkeypatch, capsy
     (tmp_path / "folder").mkdir()
     monkeypatch.chdir(tmp_path / "folder")
     for place in ("", ".", "a/b/c.obj", "x" * 300):
-        assert main(["load-shape", str(tmp_path / "ball.obj"), "--out", place]) in REFUSED
+        assert main(["load-shape", str(tmp_path / "ball.obj"), "--unit", "m", "--out", place]) in REFUSED
     assert not list((tmp_path / "folder").iterdir())
     assert capsys.readouterr().err.count("cannot be written") == 4
 
