@@ -13,6 +13,7 @@ from swarm_mj.figures.scene import Scene
 from swarm_mj.figures.style import SMALL_PT
 from swarm_mj.figures.view import KM, View, draw_body
 from swarm_mj.flight.plan import Plan
+from swarm_mj.records.passage import passage
 from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Indices
@@ -39,16 +40,9 @@ def near_visit(plan: Plan, telemetry: xr.Dataset, at_least_m: float = 0.0) -> xr
         telemetry: How.
         at_least_m: Distance from the body's centre that counts as near in any case [m].
     """
-    times = telemetry["time"].values
-    distance = np.linalg.norm(telemetry["r_BN_N"].values.mean(axis=1), axis=1)
-    visit = int(np.argmin(np.abs(times - last_visit_s(plan.scenario))))
-    reach = max(FAR * distance[visit], FAR_RADII * plan.region.mesh.max_radius, at_least_m)
-    far = np.flatnonzero(distance > reach)
-    first = int(far[far < visit].max(initial=-1)) + 1
-    last = int(far[far > visit].min(initial=len(times))) - 1
-    if last - first + 1 < LEAST_SAMPLES:
-        first, last = max(first - 1, 0), min(last + 1, len(times) - 1)
-    return telemetry.isel(time=slice(first, last + 1))
+    times, r_BN_N = telemetry["time"].values, telemetry["r_BN_N"].values
+    reach = FAR, max(FAR_RADII * plan.region.mesh.max_radius, at_least_m)
+    return telemetry.isel(time=passage(times, r_BN_N, last_visit_s(plan.scenario), reach, LEAST_SAMPLES))
 
 
 def turns_much(plan: Plan, telemetry: xr.Dataset) -> bool:

@@ -7,7 +7,7 @@ of the CubeSat's MJCF, magnified, since at true size they would be far smaller t
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -160,6 +160,13 @@ class DrawingModel:
     cameras: Ints
     rim_B: Array
     magnification: float
+
+    def magnified(self, magnification: float) -> DrawingModel:
+        """The same with spacecraft drawn so many times larger than they are; the model itself changes."""
+        own, ratio = self.mjmodel.geom_group == SPACECRAFT_GROUP, magnification / self.magnification
+        self.mjmodel.geom_size[own] *= ratio
+        self.mjmodel.geom_pos[own] *= ratio
+        return replace(self, magnification=magnification)
 
     def place(self, instant: Instant) -> bool:
         """Move everything to an instant; tells whether the texture has to be uploaded again."""

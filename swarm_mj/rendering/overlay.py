@@ -223,9 +223,9 @@ class Lettering:
         widest = max(self._font.getlength(text) for text in (WIDEST, *texts, *likely))
         return round(widest) + self.size, self._step * len(lines) + self._step // 2 + self.size // 2
 
-    def panel_box(self, lines: Sequence[Line], box: Box, corner: Corner, legend: int) -> Box:
-        """Where a panel stands in a corner of a view, above a legend of some height [pixel]."""
-        width, height = self.panel_size(lines)
+    def corner_box(self, size: tuple[int, int], box: Box, corner: Corner, legend: int) -> Box:
+        """Where a part of some width and height stands in a corner of a view, above a legend of some height [pixel]."""
+        width, height = size
         left = box.left + (box.width - width if corner.right else 0)
         top = box.top + (box.height - height - legend - self.size if corner.below else 0)
         return Box(left, top, width, height)
@@ -236,7 +236,7 @@ class Lettering:
 
     def panel(self, lines: Sequence[Line], box: Box, corner: Corner, share: float, legend: int = 0) -> None:
         """Lines of text on a dark ground in a corner of a view; under the second a bar filled to a share from 0 to 1."""
-        left, top, width, height = self.panel_box(lines, box, corner, legend)
+        left, top, width, height = self.corner_box(self.panel_size(lines), box, corner, legend)
         self._taken.append(Rect(left, top, left + width, top + height))
         step = self._step
         self._draw.rectangle((left, top, left + width, top + height), (0, 0, 0, GROUND_ALPHA))
@@ -253,18 +253,20 @@ class Lettering:
         if share > 0.0:
             self._draw.rectangle((left, top, left + round(share * width), top + height), (*SEEN, 255))
 
-    def names(self, points_N: Array, labels: Sequence[Line], projection: Projection, *, dots: bool = False) -> None:
+    def names(
+        self, points_N: Array, labels: Sequence[Line], projection: Projection, *, dots: Sequence[int] = ()
+    ) -> None:
         """Write beside points what they are: in one label where they coincide, on a leader where it is crowded.
 
         Args:
             points_N: Shape (k, 3) [m].
             labels: Their names and colours.
             projection: The view they stand in.
-            dots: Whether to mark the points too.
+            dots: Which points to mark too.
         """
         places, inside = projection.place(points_N)
         shown = np.flatnonzero(inside)
-        for k in shown.tolist() if dots else ():
+        for k in np.intersect1d(shown, dots).astype(int).tolist():
             x, y = places[k]
             self._draw.ellipse((x - 2, y - 2, x + 2, y + 2), fill=labels[k][1])
         nobody = np.empty((0, 2))
@@ -340,6 +342,15 @@ class Lettering:
             text = text.split(" ")[0]
         self._taken.append(Rect(box.left, y, box.left + self.size + self._font.getlength(text), box.top + box.height))
         self._words(box.left + self.size // 3, y, text, colour)
+
+    def inset(self, text: str, box: Box) -> None:
+        """A caption, in as many lines as it needs, and a frame for a picture inside another, which names keep clear of."""
+        right, bottom = box.left + box.width, box.top + box.height
+        self._taken.append(Rect(box.left, box.top, right, bottom))
+        self._draw.rectangle((box.left, box.top, right - 1, bottom - 1), outline=FAINT, width=1)
+        lines = self._wrapped(text, box.width - self.size)
+        for k, line in enumerate(lines):
+            self._words(box.left + self.size // 3, bottom - self._step * (len(lines) - k) - self.size // 5, line, TEXT)
 
     def legend(self, note: str, box: Box) -> None:
         """What the colours on the body mean, and a note, along the lower edge of a view, in as many rows as they need."""

@@ -104,10 +104,11 @@ def _tiles(count: int, left: int, width: int, height: int) -> list[Box]:
 NOMINAL_HEIGHT = 600
 #: Brightness, of 255, of what a camera sees at least where it sees anything.
 DARK = 8
-#: A body smaller than this share of the picture's height is named.
-SPECK = 0.06
-#: Distance at which the chase camera's magnification is taken, over the swarm's median distance to the body.
-CHASE_SCALE = 0.7
+#: A body smaller than this share of the picture's height is named, and shown once more in a corner on this share of its lesser
+#: side, from where the body is a little smaller than that.
+SPECK, ENLARGED, INSET_RADII = 0.15, 0.34, 4.6
+#: Parts of a picture that stand in its corners.
+PANEL, INSET = "panel", "inset"
 
 
 class Drawing:
@@ -145,21 +146,30 @@ class Drawing:
         main = self._layout.main
         self._overview = None if main is None else overview(plan, path_N, main.width / main.height, span_s)
         self._note = note
-        self._model = build_drawing_model(plan, self._magnification(), width, height, reach_of(path_N, self._overview))
+        distance = 1.0 if self._overview is None else self._overview.distance
+        reach = reach_of(path_N, self._overview)
+        self._model = build_drawing_model(plan, magnification_for(plan, distance), width, height, reach)
         self._canvas = Canvas(self._model, width, height)
-        self._panel: Corner | None = None
+        self._ruler = Lettering(np.zeros((height, width, 3), np.uint8))
+        self._corners: dict[str, Corner] = {}
         self._line_scale = max(1.0, height / NOMINAL_HEIGHT)
 
     def draw(self, instant: Instant) -> Pixels:
         """A picture of an instant, shape (height, width, 3)."""
+        view = None if self._layout.main is None else self._view(instant, self._layout.main)
+        if view is not None and self._layout.chase:
+            self._model = self._model.magnified(magnification_for(self._plan, view.distance))
         if self._model.place(instant):
             self._canvas.upload()
         self._canvas.clear()
-        projection = None if self._layout.main is None else self._draw_swarm(instant, self._layout.main)
+        projection = inset = None
+        if self._layout.main is not None and view is not None:
+            projection = self._draw_swarm(instant, view, self._layout.main)
+            inset = self._draw_speck(instant, projection)
         cameras = {
             j: self._canvas.view(self._camera_of(j), box, spacecraft=False) for j, box in self._layout.cameras.items()
         }
-        return self._write(self._canvas.read(), instant, projection, cameras)
+        return self._write(self._canvas.read(), instant, projection, inset, cameras)
 
     def close(self) -> None:
         """Release the OpenGL context; may be called again."""
@@ -173,15 +183,7 @@ class Drawing:
     ) -> None:
         self.close()
 
-    def _magnification(self) -> float:
-        if self._overview is None:
-            return 1.0
-        if not self._layout.chase:
-            return magnification_for(self._plan, self._overview.distance)
-        return magnification_for(self._plan, CHASE_SCALE * float(np.median(np.linalg.norm(self._path_N, axis=2))))
-
-    def _draw_swarm(self, instant: Instant, box: Box) -> Projection:
-        view = self._view(instant, box)
+    def _draw_swarm(self, instant: Instant, view: FreeView, box: Box) -> Projection:
         radius, packet_m = float(self._model.mjmodel.stat.extent), RADIUS * self._length_m
 
         def add(next_geom: NextGeom) -> None:
@@ -189,6 +191,26 @@ class Drawing:
             draw_transfers(next_geom, instant, radius, packet_m, self._line_scale)
 
         return self._canvas.view(view.camera(), box, decorate=add)
+
+    def _is_speck(self, view: Projection) -> bool:
+        radius, ahead = self._plan.shape.max_radius, float(view.position @ -view.axes[2])
+        return ahead > 0.0 and 2.0 * radius * view.scale[1] < SPECK * view.box.height * ahead
+
+    def _draw_speck(self, instant: Instant, main: Projection) -> Box | None:
+        """The body once more, larger and from the same side, in a corner of a view in which it is too small; where."""
+        side = round(ENLARGED * min(main.box.width, main.box.height))
+        if not self._is_speck(main) or side < LEAST_SIDE:
+            return None
+        box = self._ruler.corner_box(
+            (side, side), main.box, self._corner(INSET, (side, side), main), self._legend(main.box)
+        )
+        view = FreeView(np.zeros(3), -main.axes[2], INSET_RADII * self._plan.shape.max_radius)
+
+        def add(next_geom: NextGeom) -> None:
+            decorate(next_geom, self._model, instant, self._line_scale)
+
+        self._canvas.view(view.camera(), box, spacecraft=False, decorate=add)
+        return box
 
     @property
     def _length_m(self) -> float:
@@ -206,33 +228,39 @@ class Drawing:
         return camera
 
     def _write(
-        self, pixels: Pixels, instant: Instant, projection: Projection | None, cameras: dict[int, Projection]
+        self,
+        pixels: Pixels,
+        instant: Instant,
+        projection: Projection | None,
+        inset: Box | None,
+        cameras: dict[int, Projection],
     ) -> Pixels:
         lettering, names = Lettering(pixels), self._plan.names
         labels = list(zip(names, instant.colours, strict=True))
         lines, share = self._lines(instant), self._share(instant)
         box = Box(0, 0, pixels.shape[1], pixels.shape[0]) if projection is None else projection.box
-        legend = lettering.legend_height(self._scale, box)
-        lettering.panel(lines, box, self._corner(lettering, lines, projection, legend), share, legend)
+        corner = Corner() if projection is None else self._corner(PANEL, lettering.panel_size(lines), projection)
+        lettering.panel(lines, box, corner, share, self._legend(box))
+        if inset is not None:
+            lettering.inset(f"{self._plan.scenario.body.name}, {_across(self._plan.shape.max_radius)}", inset)
         if projection is not None:
             lettering.legend(self._scale, projection.box)
             if instant.n <= MAX_NAMED:
                 points_N, named = self._named(instant, labels, projection)
-                lettering.names(points_N, named, projection)
+                lettering.names(points_N, named, projection, dots=range(instant.n, len(named)))
             self._name_sights(lettering, instant, projection)
         for j, view in cameras.items():
             lettering.caption(f"{names[j]} {deed(instant, names, j)}", view.box, labels[j][1])
             others = np.delete(np.arange(instant.n), j)
             if instant.n <= MAX_NAMED:
-                lettering.names(instant.r_BN_N[others], [labels[k] for k in others], view, dots=True)
+                lettering.names(instant.r_BN_N[others], [labels[k] for k in others], view, dots=range(len(others)))
             if _is_dark(pixels, view.box) and not view.place(instant.r_BN_N[others])[1].any():
                 lettering.remark("nothing in view", view.box)
         return lettering.pixels
 
     def _named(self, instant: Instant, labels: list[Line], projection: Projection) -> tuple[Array, list[Line]]:
         """What gets its name beside it: the spacecraft, and the body where it is a speck."""
-        places, _ = projection.place(self._plan.shape.vertices @ instant.C_AN)
-        if np.ptp(places, axis=0).max() >= SPECK * projection.box.height:
+        if not self._is_speck(projection):
             return instant.r_BN_N, labels
         return np.vstack((instant.r_BN_N, np.zeros(3))), [*labels, (self._plan.scenario.body.name, TEXT)]
 
@@ -244,21 +272,28 @@ class Drawing:
             label = ("to Earth", MODES[TargetKind.EARTH])
             lettering.line_names(starts, tips, label, projection, instant.r_BN_N)
 
-    def _corner(self, lettering: Lettering, lines: list[Line], projection: Projection | None, legend: int) -> Corner:
-        """Where the panel hides least of the flight: a fixed corner of the view, the upper left one at best."""
-        if projection is None or self._layout.chase:
-            return Corner()
-        if self._panel is None:
-            view = projection
+    def _corner(self, part: str, size: tuple[int, int], view: Projection) -> Corner:
+        """Where a part of the picture of some width and height hides least of the flight: a fixed corner for itself alone.
+
+        At best that is the upper left one for the panel, the lower right one for the body's picture.
+        """
+        if self._layout.chase:
+            return Corner(right=part == INSET)
+        if part not in self._corners:
             places, _ = view.place(np.vstack((self._path_N.reshape(-1, 3), self._plan.shape.vertices)))
 
             def hidden(corner: Corner) -> int:
-                box = lettering.panel_box(lines, view.box, corner, legend)
+                box = self._ruler.corner_box(size, view.box, corner, self._legend(view.box))
                 inside = (places >= (box.left, box.top)) & (places < (box.left + box.width, box.top + box.height))
                 return int(inside.all(axis=1).sum())
 
-            self._panel = min((Corner(right, below) for below in (False, True) for right in (False, True)), key=hidden)
-        return self._panel
+            corners = [Corner(right, below) for below in (False, True) for right in (False, True)]
+            free = [corner for corner in corners if corner not in self._corners.values()]
+            self._corners[part] = min(free[:: -1 if part == INSET else 1], key=hidden)
+        return self._corners[part]
+
+    def _legend(self, box: Box) -> int:
+        return self._ruler.legend_height(self._scale, box)
 
     @property
     def _scale(self) -> str:
@@ -281,3 +316,9 @@ class Drawing:
 def _is_dark(pixels: Pixels, box: Box) -> bool:
     """Whether a part of a picture shows nothing but the sky."""
     return int(pixels[box.top : box.top + box.height, box.left : box.left + box.width].max()) < DARK
+
+
+def _across(radius_m: float) -> str:
+    """How wide a body of some radius [m] is, in words."""
+    width = 2.0 * radius_m
+    return f"{width / 1e3:.3g} km across" if width >= 1e3 else f"{width:.3g} m across"

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import Plan, make_plan
+from swarm_mj.records.passage import passage
 from swarm_mj.records.run_record import read_run
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.transfers import transfers_of
@@ -24,9 +25,9 @@ from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
 from swarm_mj.typing import Array, Mask
 
-#: A flight is shown near its body where that is less than so much of it, and has more samples than so many: within these
-#: times the distance at the visit, or of the body's radii.
-SMALL_PART, LEAST_SAMPLES, NEAR, NEAR_RADII = 0.1, 10, 2.0, 10.0
+#: A flight is shown near its body where that is less than so much of it: within these times the distance at the visit, or of
+#: the body's radii, and over this number of samples at least.
+SMALL_PART, NEAR, NEAR_RADII, LEAST_SAMPLES = 0.1, 2.0, 10.0, 10
 #: Corners of a trail, and of all trails together; a flyby bends little.
 TRAIL_POINTS, ALL_TRAIL_POINTS = 60, 600
 
@@ -104,15 +105,10 @@ class Replay:
 
         That is the time within `NEAR` times the swarm's distance at the visit, or `NEAR_RADII` of the body.
         """
-        distance = np.linalg.norm(self._position(self.times).mean(axis=1), axis=1)
-        visit = int(np.argmin(np.abs(self.times - last_visit_s(self.plan.scenario))))
-        reach = max(NEAR * float(distance[visit]), NEAR_RADII * self.plan.shape.max_radius)
-        far = np.flatnonzero(distance > reach)
-        first = int(far[far < visit].max(initial=-1)) + 1
-        last = int(far[far > visit].min(initial=len(self.times))) - 1
-        if last - first < LEAST_SAMPLES or last - first > SMALL_PART * len(self.times):
-            return None
-        return float(self.times[first]), float(self.times[last])
+        reach = NEAR, NEAR_RADII * self.plan.shape.max_radius
+        r_BN_N, visit_s = self._position(self.times), last_visit_s(self.plan.scenario)
+        near = self.times[passage(self.times, r_BN_N, visit_s, reach, LEAST_SAMPLES)]
+        return (float(near[0]), float(near[-1])) if len(near) <= SMALL_PART * len(self.times) else None
 
     def at(self, t: float) -> Instant:
         """The flight at time `t` [s], held at its ends."""

@@ -41,7 +41,10 @@ def flown(folder, radius_m, start_radii, speed_m_s, samples=10):
         "telemetry": {"interval_s": to_visit / samples},
         "observation": {"interval_s": to_visit / 10.0},
     }  # fmt: skip
-    flight = sm.fly(sm.load(scenario))
+    return sm.fly(sm.load(scenario))
+
+
+def replay_of(flight):
     return Replay(flight.plan, flight.telemetry, flight.coverage.first_seen_s)
 
 
@@ -49,7 +52,7 @@ def flown(folder, radius_m, start_radii, speed_m_s, samples=10):
     ("radius_m", "start_radii", "speed_m_s"), [(50.0, 60.0, 5.0), (250.0, 20.0, 5.0), (10e3, 100.0, 1000.0)]
 )
 def test_the_body_is_in_the_first_the_middle_and_the_last_picture(tmp_path, radius_m, start_radii, speed_m_s):
-    replay = flown(tmp_path, radius_m, start_radii, speed_m_s)
+    replay = replay_of(flown(tmp_path, radius_m, start_radii, speed_m_s))
     width = height = 480
     times = np.linspace(replay.times[0], replay.times[-1], 3)
     with Drawing(replay.plan, replay.path_N, width=width, height=height) as drawing:
@@ -67,9 +70,19 @@ def test_the_body_is_in_the_first_the_middle_and_the_last_picture(tmp_path, radi
     assert all(not np.array_equal(a, b) for a, b in pairwise(pictures))
 
 
-def test_a_film_of_a_long_flight_shows_the_encounter_and_names_the_speck(tmp_path, monkeypatch):
-    radius_m, visit_s = 250.0, 2000.0
-    replay = flown(tmp_path, radius_m, 400.0, 50.0, samples=250)
+@pytest.fixture(scope="module")
+def far_flight(tmp_path_factory):
+    """A body of 250 m passed at 50 m/s, 2,000 s after the release 100 km away, with a sample every 8 s."""
+    return flown(tmp_path_factory.mktemp("far"), 250.0, 400.0, 50.0, samples=250)
+
+
+@pytest.fixture(scope="module")
+def far(far_flight):
+    return replay_of(far_flight)
+
+
+def test_a_film_of_a_long_flight_shows_the_encounter_and_names_the_speck(far, tmp_path, monkeypatch):
+    replay, radius_m, visit_s = far, 250.0, 2000.0
     begin, end = replay.encounter()
     # Within ten radii, at the visit four, on a nearly straight path.
     speed = np.linalg.norm(replay.at(visit_s + 1.0).r_BN_N - replay.at(visit_s - 1.0).r_BN_N) / 2.0
@@ -90,6 +103,29 @@ def test_a_film_of_a_long_flight_shows_the_encounter_and_names_the_speck(tmp_pat
         named = drawing.draw(replay.at(visit_s))
         monkeypatch.setattr(picture, "SPECK", 0.0)
         assert not np.array_equal(named, drawing.draw(replay.at(visit_s)))
+
+
+def is_ground(picture):
+    """Where bare ground is drawn, in the light and in the dark: nearly grey, neither sky nor words."""
+    low, high = picture.min(axis=-1).astype(int), picture.max(axis=-1).astype(int)
+    return (low > 20) & (high < 190) & (high - low < 30)
+
+
+@pytest.mark.parametrize("camera", ["overview", "chase"])
+def test_a_body_that_is_a_speck_is_shown_enlarged_and_spacecraft_stay_small(far, camera):
+    side = 480
+    with Drawing(far.plan, far.path_N, camera=camera, width=side, height=side) as drawing:
+        pictures = [drawing.draw(far.at(t)) for t in (0.0, 1500.0, 2000.0, 4000.0)]
+    # A disc of two thirds of a corner that is a third of the picture, or at the visit the body itself.
+    assert all(is_ground(shown).sum() > 0.6 * np.pi / 4 * (0.65 * 0.34 * side) ** 2 for shown in pictures)
+    assert all((shown.max(axis=-1) > 8).mean() < 0.6 for shown in pictures), "spacecraft hide the picture"
+
+
+def test_a_pass_between_a_few_samples_is_filmed_with_some_around_it(far_flight):
+    plan, coverage = far_flight.plan, far_flight.coverage
+    sparse = Replay(plan, far_flight.telemetry.isel(time=slice(None, None, 2)), coverage.first_seen_s)
+    begin, end = sparse.encounter()
+    assert begin < 2000.0 < end and 9 * 16.0 <= end - begin <= 11 * 16.0
 
 
 def test_an_eros_flight_is_shown_whole_and_parts_without_samples_are_refused(replay):

@@ -139,5 +139,6 @@ def test_the_panel_stays_where_it_is_while_what_spacecraft_do_changes():
     lettering, view = Lettering(np.zeros((480, 640, 3), np.uint8)), Box(0, 0, 640, 480)
     head = [("10:00   50 x", ORANGE), ("5.0 % observed", ORANGE)]
     deeds = ("observes", "turns to sc2", "linked to sc2", "turns to Earth", "linked to Earth", "is lost")
-    panels = {lettering.panel_box([*head, (f"sc1 {deed}", ORANGE)], view, Corner(right=True), 20) for deed in deeds}
+    sizes = [lettering.panel_size([*head, (f"sc1 {deed}", ORANGE)]) for deed in deeds]
+    panels = {lettering.corner_box(size, view, Corner(right=True), 20) for size in sizes}
     assert len(panels) == 1

@@ -1,0 +1,27 @@
+"""Which samples of a flight lie near the body."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from swarm_mj.typing import Array
+
+
+def passage(times: Array, r_BN_N: Array, visit_s: float, reach: tuple[float, float], least: int) -> slice:
+    """The samples from when the swarm comes near the body, before the visit, until it leaves.
+
+    Args:
+        times: Of the samples, increasing, shape (K,) [s].
+        r_BN_N: Positions, shape (K, n, 3) [m]; the swarm is where its mean is.
+        visit_s: Time of the visit [s].
+        reach: What is near: within so many times the distance at the visit, or within this distance [m] if that is more.
+        least: Samples to take at least, where there are so many.
+    """
+    distance = np.linalg.norm(r_BN_N.mean(axis=1), axis=1)
+    visit = int(np.argmin(np.abs(times - visit_s)))
+    far = np.flatnonzero(distance > max(reach[0] * float(distance[visit]), reach[1]))
+    first = int(far[far < visit].max(initial=-1)) + 1
+    last = int(far[far > visit].min(initial=len(times))) - 1
+    if last - first + 1 < least:
+        first, last = min(first, max(visit - least // 2, 0)), max(last, min(visit + least // 2, len(times) - 1))
+    return slice(first, last + 1)
