@@ -6,6 +6,10 @@ import numpy as np
 
 from swarm_mj.typing import Array
 
+#: A flight has an encounter where less than this share of its samples lies near the body: within so many times the distance at
+#: the visit, or of the body's radii, and over this number of samples at least.
+SMALL_PART, NEAR, NEAR_RADII, LEAST_SAMPLES = 0.1, 2.0, 10.0, 10
+
 
 def passage(times: Array, r_BN_N: Array, visit_s: float, reach: tuple[float, float], least: int) -> slice:
     """The samples from when the swarm comes near the body, before the visit, until it leaves.
@@ -25,3 +29,9 @@ def passage(times: Array, r_BN_N: Array, visit_s: float, reach: tuple[float, flo
     if last - first + 1 < least:
         first, last = min(first, max(visit - least // 2, 0)), max(last, min(visit + least // 2, len(times) - 1))
     return slice(first, last + 1)
+
+
+def encounter(times: Array, r_BN_N: Array, visit_s: float, radius_m: float) -> slice | None:
+    """The samples near a body of some radius [m] where they are a small part of the flight, else None; see `passage`."""
+    near = passage(times, r_BN_N, visit_s, (NEAR, NEAR_RADII * radius_m), LEAST_SAMPLES)
+    return near if near.stop - near.start <= SMALL_PART * len(times) else None

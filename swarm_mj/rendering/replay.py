@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import Plan, make_plan
-from swarm_mj.records.passage import passage
+from swarm_mj.records.passage import encounter
 from swarm_mj.records.run_record import read_run
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.transfers import transfers_of
@@ -25,9 +25,6 @@ from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
 from swarm_mj.typing import Array, Mask
 
-#: A flight is shown near its body where that is less than so much of it: within these times the distance at the visit, or of
-#: the body's radii, and over this number of samples at least.
-SMALL_PART, NEAR, NEAR_RADII, LEAST_SAMPLES = 0.1, 2.0, 10.0, 10
 #: Corners of a trail, and of all trails together; a flyby bends little.
 TRAIL_POINTS, ALL_TRAIL_POINTS = 60, 600
 
@@ -101,14 +98,10 @@ class Replay:
         return Replay(self.plan, part, first_seen_s, delivery)
 
     def encounter(self) -> tuple[float, float] | None:
-        """Begin and end of what a film shows where the body is passed in a small part of the flight [s]; None: all of it.
-
-        That is the time within `NEAR` times the swarm's distance at the visit, or `NEAR_RADII` of the body.
-        """
-        reach = NEAR, NEAR_RADII * self.plan.shape.max_radius
-        r_BN_N, visit_s = self._position(self.times), last_visit_s(self.plan.scenario)
-        near = self.times[passage(self.times, r_BN_N, visit_s, reach, LEAST_SAMPLES)]
-        return (float(near[0]), float(near[-1])) if len(near) <= SMALL_PART * len(self.times) else None
+        """Begin and end of what a film shows where the body is passed in a small part of the flight [s]; None: all of it."""
+        visit_s, radius = last_visit_s(self.plan.scenario), self.plan.shape.max_radius
+        near = encounter(self.times, self._position(self.times), visit_s, radius)
+        return None if near is None else (float(self.times[near.start]), float(self.times[near.stop - 1]))
 
     def at(self, t: float) -> Instant:
         """The flight at time `t` [s], held at its ends."""

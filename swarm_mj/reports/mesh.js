@@ -66,6 +66,14 @@ class Mesh {
     }
   }
 
+  /** Distance of the farthest vertex from the centre, at least some value. */
+  reach(least = 0) {
+    const v = this.vertices;
+    let farthest = least;
+    for (let n = 0; n < v.length; n += 3) farthest = Math.max(farthest, Math.hypot(v[n], v[n + 1], v[n + 2]));
+    return farthest;
+  }
+
   /** Light from 0 to 1 on each normal under a distant Sun. */
   static light(normals, sun) {
     const light = new Float32Array(normals.length / 3);

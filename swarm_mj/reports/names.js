@@ -17,7 +17,7 @@ class Names {
   /** Write the names of the instant and the view that the picture shows. */
   write() {
     const k = this.scene.shown;
-    const fixed = this.ofSigns(k);
+    const fixed = [...this.ofSpeck(), ...this.ofSigns(k)];
     const labels = [...fixed, ...this.ofSpacecraft(k, fixed)];
     const [middle, centre] = [this.scene.div.clientWidth / 2, this.scene.div.clientHeight / 2];
     while (this.element.children.length < labels.length) this.element.append(document.createElement("span"));
@@ -29,6 +29,13 @@ class Names {
       span.style.transform = `translate(${middle + box[0]}px, ${centre + box[1]}px)`;
       span.style.width = `${box[2] - box[0]}px`;
     });
+  }
+
+  /** The name of the body where it is too small to be found without. */
+  ofSpeck() {
+    const [spot, rim] = this.scene.flat([[0, 0, 0], this.scene.right().map((v) => v * this.scene.bodyRadius)]);
+    if (!spot || !rim || Math.hypot(rim[0] - spot[0], rim[1] - spot[1]) > LETTER.height || !this.holds([...spot, ...spot])) return [];
+    return [{ word: this.scene.run.body, box: boxOf(spot, this.scene.run.body, "middle right") }];
   }
 
   /** The words Sun and Earth and their boxes at the ends of their lines, clear of each other. */
@@ -48,7 +55,8 @@ class Names {
   ofSpacecraft(k, fixed) {
     if (this.scene.n > this.scene.run.max_named) return [];
     const spots = Array.from({ length: this.scene.n }, (_, j) => this.scene.position(k, j));
-    const places = this.scene.seen(spots).map((at) => (at && this.holds([...at, ...at]) ? at : null));
+    const places = this.scene.seen(spots).map((at, j) =>
+      at && this.scene.inBox(spots[j]) && this.holds([...at, ...at]) ? at : null);
     const sights = spots.flatMap((spot, j) => this.scene.flat(between(spot, this.scene.tip(k, j))));
     const lines = [...this.scene.flat(this.scene.pathsAbout(k)), ...sights].filter(Boolean);
     let found = null;

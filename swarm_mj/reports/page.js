@@ -191,6 +191,10 @@ function connectControls() {
       show(page.shown);
     });
   }
+  find("axes").addEventListener("change", (event) => {
+    for (const view of page.runs) view.scene.setAxes(event.target.value === "inertial");
+    show(page.shown);
+  });
   find("criterion")?.addEventListener("change", (event) => {
     for (const view of page.runs) view.scene.passage = event.target.value === "passage";
     show(page.shown);
@@ -206,9 +210,10 @@ function connectControls() {
 
 const STEP = Math.PI / 12;
 const cameraViews = {
-  swarm: (scene) => scene.moveCamera(scene.swarm(page.ticks[page.shown])),
-  overview: (scene) => scene.moveCamera(scene.overview()),
-  target: (scene) => scene.moveCamera(scene.down()),
+  swarm: (scene) => scene.look("near", () => scene.swarm()),
+  near: (scene) => scene.look("near", () => scene.overview()),
+  overview: (scene) => scene.look("all", () => scene.overview()),
+  target: (scene) => scene.look("body", () => scene.down()),
   closer: (scene) => scene.turn(0, 0, 0.8),
   away: (scene) => scene.turn(0, 0, 1.25),
   left: (scene) => scene.turn(-STEP, 0),

@@ -57,6 +57,8 @@ FUNCTION = "() => {"
 HANDED_OVER = f"? self : this, {FUNCTION}"
 #: How much faster than the flight the replay may run.
 SPEEDS = (1, 10, 30, 60, 120, 300, 1000, 3000, 10000)
+#: Axes of the 3-D picture, centred at the body; the first are chosen at first.
+AXES = ("inertial", "body-fixed")
 #: How long a whole replay takes at the speed chosen at first, about [s].
 REPLAY_S = 30.0
 
@@ -209,7 +211,8 @@ def _scene_box(number: int, replay: Replay, label: str, two: bool) -> Html:
 
 
 CAMERA_VIEWS = (
-    ("overview", "All", "Show everything"),
+    ("overview", "All", "Show the whole flight"),
+    ("near", "Near", "Show the flight near the body"),
     ("swarm", "Swarm", "Show the target and the spacecraft where they are now"),
     ("target", "Target", "Look straight down on the target"),
     ("closer", "+", "Zoom in"),
@@ -267,6 +270,7 @@ def _choices(runs: Sequence[RunRecord]) -> Html:
     parts = [
         tag("label", tag("input", type="checkbox", id="views", checked=True), " borders of pictures"),
         tag("label", tag("input", type="checkbox", id="directions"), " Sun and Earth"),
+        tag("label", "axes ", tag("select", [tag("option", word, value=word) for word in AXES], id="axes")),
     ]
     visit = [run.scenario.observation.criterion == "visit" for run in runs]
     if any(visit):
@@ -305,6 +309,7 @@ def _run_data(run: RunRecord, replay: Replay) -> dict[str, Any]:
     scene["first_seen_passage"] = packed(run.coverage["first_seen_s_passage"][kept])
     return {
         "names": [run.names[j] for j in replay.shown],
+        "body": run.scenario.body.name,
         "observers": run.n_observers,
         "times": packed(replay.times),
         "pointing": f32(replay.pointing_deg),

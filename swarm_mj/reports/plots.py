@@ -70,8 +70,8 @@ def plot_two(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Seque
     for run, replay, label, colour, dash in zip(runs, replays, labels, COLOURS_OF_RUNS, ("solid", "dash"), strict=True):
         times = replay.times / axis.seconds
         curves = (
-            np.maximum(np.fmax.reduce(replay.pointing_deg, axis=1), 10.0**FLOOR),
-            replay.wheel_rpm.max(axis=1),
+            np.maximum(np.fmax.reduce(replay.pointing_peak_deg, axis=1), 10.0**FLOOR),
+            replay.wheel_peak_rpm.max(axis=1),
             replay.percent,
             run.telemetry["link_closed"].values[replay.samples].sum(axis=1),
         )
@@ -114,7 +114,9 @@ def _frame(run: RunRecord, names: Sequence[str], timeline_rows: int) -> go.Figur
 
 def _names(run: RunRecord, replay: Replay) -> tuple[str, ...]:
     rows = min(len(replay.shown), MAX_ROWS)
-    return NAMES if rows == run.n else (*NAMES[:3], f"{NAMES[3]}, {rows} of {run.n} spacecraft")
+    peaks = "" if len(replay.samples) == len(run.times) else ", largest between points"
+    last = NAMES[3] if rows == run.n else f"{NAMES[3]}, {rows} of {run.n} spacecraft"
+    return f"{NAMES[0]}{peaks}", f"{NAMES[1]}{peaks}", NAMES[2], last
 
 
 def _headline(figure: go.Figure, row: int, text: str) -> None:
@@ -152,8 +154,8 @@ def _spacecraft_curves(
     figure: go.Figure, name: str, colour: str, times: Array, replay: Replay, position: int, observes: bool
 ) -> None:
     line = {"color": colour, "width": 1.5}
-    _curve(figure, 1, times, np.maximum(replay.pointing_deg[:, position], 10.0**FLOOR), name, line, legend=True)
-    _curve(figure, 2, times, replay.wheel_rpm[:, position], name, line)
+    _curve(figure, 1, times, np.maximum(replay.pointing_peak_deg[:, position], 10.0**FLOOR), name, line, legend=True)
+    _curve(figure, 2, times, replay.wheel_peak_rpm[:, position], name, line)
     if observes:
         _curve(figure, 3, times, replay.percent_by[:, position], name, {**line, "shape": "hv"})
 
@@ -162,9 +164,9 @@ def _swarm_curves(figure: go.Figure, times: Array, replay: Replay) -> None:
     """Largest and median of a swarm that is too large for single curves."""
     for word, reduce, dash in (("largest", np.fmax.reduce, "solid"), ("median", _median, "dot")):
         line = {"color": BLUE, "width": 1.8, "dash": dash}
-        error = np.maximum(reduce(replay.pointing_deg, axis=1), 10.0**FLOOR)
+        error = np.maximum(reduce(replay.pointing_peak_deg, axis=1), 10.0**FLOOR)
         _curve(figure, 1, times, error, f"{word} of the swarm", line, legend=True)
-        _curve(figure, 2, times, reduce(replay.wheel_rpm, axis=1), f"{word} of the swarm", line)
+        _curve(figure, 2, times, reduce(replay.wheel_peak_rpm, axis=1), f"{word} of the swarm", line)
 
 
 def _median(values: Array, axis: int) -> Array:
@@ -231,7 +233,7 @@ def _bars(figure: go.Figure, times: Array, flags: Mask, offset: float, name: str
 
 def _limit_axes(figure: go.Figure, replays: Sequence[Replay]) -> None:
     """Round limits of the logarithmic axis, and a wheel axis that shows the limit or, far below it, the curves."""
-    errors = [np.maximum(replay.pointing_deg, 10.0**FLOOR) for replay in replays]
+    errors = [np.maximum(replay.pointing_peak_deg, 10.0**FLOOR) for replay in replays]
     low, high = min(np.nanmin(e) for e in errors), max(np.nanmax(e) for e in errors)
     figure.update_yaxes(range=[np.floor(np.log10(low)) - 0.3, np.ceil(np.log10(high)) + 0.3], row=1, col=1)
     figure.update_yaxes(rangemode="tozero", row=2, col=1)

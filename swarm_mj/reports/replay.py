@@ -1,6 +1,6 @@
 """The flight in the body-fixed frame A at the instants that the replay shows, ready for the page's script.
 
-Drawn in A, so that the target stays where it is and the swarm moves. Positions in kilometres.
+Positions in kilometres. With the rotations from N to A the script draws it in inertial axes as well.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.records.modes import LOST
+from swarm_mj.records.passage import encounter
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.smallbody.simplify import simplify
@@ -26,8 +27,8 @@ from swarm_mj.spacecraft.properties import RPM
 from swarm_mj.typing import Array, Indices, Ints, Mask
 
 KM = 1e3
-#: Length of a line of sight that ends at nothing near, as a share of the scene.
-FREE_AXIS = 0.3
+#: Length of a line of sight that ends at nothing near, over the distance of the farthest spacecraft.
+FREE_AXIS = 0.6
 #: Rays along one side of a picture's border.
 RAYS_PER_SIDE = 5
 
@@ -59,8 +60,10 @@ class Replay:
         samples: Numbers of the telemetry's samples, shape (K,).
         times: Their times, shape (K,) [s].
         shown: Numbers of the spacecraft, shape (n,).
-        pointing_deg: Pointing error, the largest since the instant before, NaN once lost or while aboard, shape (K, n) [deg].
-        wheel_rpm: Speed of the fastest of three wheels, the same, shape (K, n) [rpm].
+        pointing_deg: Pointing error, NaN once lost or while aboard, shape (K, n) [deg].
+        wheel_rpm: Speed of the fastest wheel, shape (K, n) [rpm].
+        pointing_peak_deg: The largest of all samples since the instant before, the same, shape (K, n) [deg].
+        wheel_peak_rpm: The same of the wheels, shape (K, n) [rpm].
         mode: What +z tracks, or that the spacecraft is lost, as `modes_shown` tells, shape (K, n).
         link: Whether the link is closed, shape (K, n).
         percent: Observed share of the target by the scenario's criterion, shape (K,) [%].
@@ -75,6 +78,8 @@ class Replay:
     shown: Indices
     pointing_deg: Array
     wheel_rpm: Array
+    pointing_peak_deg: Array
+    wheel_peak_rpm: Array
     mode: NDArray[np.int8]
     link: NDArray[np.int8]
     percent: Array
@@ -90,15 +95,18 @@ def make_replay(run: RunRecord, limits: Limits) -> Replay:
     samples = choose_samples(run, min(limits.samples, max(60, limits.values // len(shown))))
     telemetry, times = run.telemetry, run.times[samples]
     mode = run.mode[np.ix_(samples, shown)]
-    pointing_deg = _peaks(np.degrees(telemetry["pointing_error"].values), samples)[:, shown]
+    pointing_deg = np.degrees(telemetry["pointing_error"].values[:, shown])
+    wheel_rpm = np.abs(telemetry["wheel_speed"].values[:, shown] / RPM).max(axis=2)
     area, by, by_passage = (run.coverage[k] for k in ("area", "first_seen_by_s", "first_seen_by_s_passage"))
     swarm, passage = _coverage(area, by), _coverage(area, by_passage)
     return Replay(
         samples=samples,
         times=times,
         shown=shown,
-        pointing_deg=np.where(mode >= LOST, np.nan, pointing_deg),
-        wheel_rpm=_peaks(np.abs(telemetry["wheel_speed"].values / RPM).max(axis=2), samples)[:, shown],
+        pointing_deg=np.where(mode >= LOST, np.nan, pointing_deg[samples]),
+        wheel_rpm=wheel_rpm[samples],
+        pointing_peak_deg=np.where(mode >= LOST, np.nan, _peaks(pointing_deg, samples)),
+        wheel_peak_rpm=_peaks(wheel_rpm, samples),
         mode=mode,
         link=telemetry["link_closed"].values[np.ix_(samples, shown)].astype(np.int8),
         percent=swarm.percent_over_time(times),
@@ -110,11 +118,22 @@ def make_replay(run: RunRecord, limits: Limits) -> Replay:
 
 
 def choose_samples(run: RunRecord, count: int) -> Indices:
-    """Numbers of at most about `count` samples, evenly spaced, with the visit and the last one among them."""
-    total = len(run.times)
+    """Numbers of at most about `count` samples, evenly spaced, with the visit and the last one among them.
+
+    Where the body is passed in a small part of the flight, half of them lie there.
+    """
+    total, near = len(run.times), _encounter(run)
     visit = int(np.argmin(np.abs(run.times - last_visit_s(run.scenario))))
-    step = -(-total // count)
-    return np.unique([*range(0, total, step), visit, total - 1]).astype(np.intp)
+    parts = [slice(0, total)] if near is None else [slice(0, total), near]
+    even = [
+        k for part in parts for k in range(part.start, part.stop, -(-len(parts) * (part.stop - part.start) // count))
+    ]
+    return np.unique([*even, visit, total - 1]).astype(np.intp)
+
+
+def _encounter(run: RunRecord) -> slice | None:
+    radius = float(np.linalg.norm(run.coverage["body_vertices"], axis=1).max())
+    return encounter(run.times, run.telemetry["r_BN_N"].values, last_visit_s(run.scenario), radius)
 
 
 def _coverage(area: Array, first_seen_by_s: Array) -> CoverageMap:
@@ -145,10 +164,10 @@ def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.in
     C_AN = asteroid_attitudes(telemetry)
     r_A = np.einsum("kij,knj->kni", C_AN, telemetry["r_BN_N"].values)
     C_BA = dcm(telemetry["sigma_BN"].values[:, shown]) @ np.swapaxes(C_AN, 1, 2)[:, None]
-    extent = float(np.ptp(np.vstack((vertices, r_A.reshape(-1, 3))), axis=0).max())
+    reach = np.maximum(np.linalg.norm(r_A, axis=2).max(axis=1), np.linalg.norm(vertices, axis=1).max())
     ground = _Ground(vertices, faces)
     tracked = telemetry["tracked_spacecraft"].values[:, shown]
-    length = _lengths(ground, r_A, shown, C_BA, mode, tracked, FREE_AXIS * extent)
+    length = _lengths(ground, r_A, shown, C_BA, mode, tracked, FREE_AXIS * reach[:, None])
     scene = {
         "body_vertices": f32(body.vertices / KM),
         "body_faces": packed(body.faces.astype(np.int32)),
@@ -160,6 +179,8 @@ def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.in
         "length": f32(length / KM),
         "sun": f32(_directions(C_AN, run.telemetry.attrs["sun_N_m"])),
         "earth": f32(_directions(C_AN, run.telemetry.attrs["earth_N_m"])),
+        "C_AN": f32(C_AN),
+        "near": _near(run, samples),
     }
     observers = shown[: min(run.n_observers, len(shown))]
     rays = border_rays(run.scenario.camera.half_angle_deg, run.scenario.camera.shape)
@@ -169,6 +190,13 @@ def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.in
         taken = watching_in(telemetry, run.n_observers)[:, observers]
         scene["ray_length"] = f32(_border_lengths(ground, r_A[:, observers], C_BA[:, observers], rays, taken) / KM)
     return scene
+
+
+def _near(run: RunRecord, samples: Indices) -> list[int]:
+    """First and last of the instants shown that are near the body; of all where it is passed in no small part of the flight."""
+    near = _encounter(run) or slice(0, len(run.times))
+    shown = np.flatnonzero((samples >= near.start) & (samples < near.stop))
+    return [int(shown[0]), int(shown[-1])]
 
 
 class _Ground:
@@ -195,9 +223,9 @@ def _lengths(
     C_BA: Array,
     mode: NDArray[np.int8],
     tracked: NDArray[Any],
-    free: float,
+    free: Array,
 ) -> Array:
-    """How far to draw each line along +z: to the ground, as far as the spacecraft tracked, or `free` [m], shape (K, n).
+    """How far to draw each line along +z: to the ground, as far as the spacecraft tracked, or `free` (K, 1) [m], shape (K, n).
 
     Those of lost spacecraft have no length.
     """

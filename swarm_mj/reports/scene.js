@@ -4,6 +4,8 @@
 const FIELD_OF_VIEW = 0.414; // tangent of half of plotly's vertical field of view
 /** After so many pictures without a change the camera rests. */
 const CALM_FRAMES = 20;
+/** Instants of a path that an overview is fitted to. */
+const PATH_SAMPLES = 40;
 
 class SceneView {
   constructor(run, div, labels, modes) {
@@ -16,69 +18,104 @@ class SceneView {
     this.count = packed.r.shape[0];
     this.body = new Mesh(unpack(packed.body_vertices), unpack(packed.body_faces));
     this.target = new Mesh(unpack(packed.target_vertices), unpack(packed.target_faces));
-    for (const name of ["r", "z", "C", "length", "sun", "earth", "rays", "ray_length", "first_seen", "first_seen_passage"]) {
+    for (const name of ["C_AN", "r", "z", "C", "length", "sun", "earth", "rays", "ray_length", "first_seen", "first_seen_passage"]) {
       if (packed[name]) this[name] = unpack(packed[name]);
     }
     this.mode = unpack(run.mode);
     this.times = unpack(run.times);
     this.passage = false;
+    this.inertial = true;
+    this.scale = "near";
     this.views = true;
     this.directions = false;
     this.held = false;
     this.still = CALM_FRAMES;
     this.queue = Promise.resolve();
-    this._frameBox();
+    this.bodyRadius = this.body.reach(this.target.reach());
+    this.reach = Array.from(this.times, (_, k) => this._reach(k));
   }
 
-  /** A cube around everything, so that the axes never move. */
-  _frameBox() {
-    const low = [Infinity, Infinity, Infinity];
-    const high = low.map((v) => -v);
-    const grow = (rows) => {
-      for (let place = 0; place < rows.length; place += 1) {
-        const axis = place % 3;
-        if (rows[place] < low[axis]) low[axis] = rows[place];
-        if (rows[place] > high[axis]) high[axis] = rows[place];
-      }
-    };
-    grow(this.body.vertices);
-    grow(this.target.vertices);
-    this.bodyRadius = Math.max(...high.map((v, k) => Math.max(v, -low[k])));
-    grow(this.r);
-    for (let k = 0; k < this.count; k += 1) for (let j = 0; j < this.n; j += 1) grow(this.tip(k, j));
-    this.centre = low.map((v, k) => (v + high[k]) / 2);
-    this.half = 1.05 * Math.max(...high.map((v, k) => (v - low[k]) / 2), 1.75 * this.bodyRadius);
+  /** Distance from the body's centre within which everything lies at sample k [km]. */
+  _reach(k) {
+    const spots = Array.from({ length: this.n }, (_, j) => [this.position(k, j), this.tip(k, j)]).flat();
+    return Math.max(1.75 * this.bodyRadius, ...spots.map((spot) => Math.hypot(...spot)));
+  }
+
+  /** Half the width of the drawn cube about the body's centre [km]: it holds the whole flight, the body, or what is near it,
+   * and beyond that twice as much and again, until the spacecraft are inside. */
+  halfAt(k) {
+    if (this.scale === "all") return 1.05 * this.reach.reduce((a, b) => Math.max(a, b));
+    if (this.scale === "body") return 4 * this.bodyRadius;
+    const [first, last] = this.run.scene.near;
+    const near = 1.05 * this.reach.slice(first, last + 1).reduce((a, b) => Math.max(a, b));
+    return near * 2 ** Math.max(0, Math.ceil(Math.log2(this.reach[k] / near)));
+  }
+
+  /** A vector in A in the axes that are shown. */
+  shownOf(k, v) {
+    if (!this.inertial) return Array.from(v);
+    const C = this.C_AN.subarray(9 * k, 9 * k + 9);
+    return [0, 1, 2].map((axis) => C[axis] * v[0] + C[3 + axis] * v[1] + C[6 + axis] * v[2]);
+  }
+
+  /** The inverse. */
+  fixedOf(k, v) {
+    if (!this.inertial) return v;
+    return [0, 3, 6].map((row) => dot(this.C_AN.subarray(9 * k + row, 9 * k + row + 3), v));
+  }
+
+  /** Vertices of a mesh at sample k, as x, y and z. */
+  vertices(mesh, k) {
+    const found = { x: [], y: [], z: [] };
+    for (let place = 0; place < mesh.vertices.length; place += 3) {
+      const [x, y, z] = this.shownOf(k, mesh.vertices.subarray(place, place + 3));
+      found.x.push(x);
+      found.y.push(y);
+      found.z.push(z);
+    }
+    return found;
+  }
+
+  inBox(point) {
+    return point.every((v) => Math.abs(v) <= this.half);
+  }
+
+  right() {
+    const [eye, to, up] = [this.view.eye, this.view.center, this.view.up].map(({ x, y, z }) => [x, y, z]);
+    return unit(cross(to.map((v, axis) => v - eye[axis]), up));
   }
 
   position(k, j) {
     const place = 3 * (k * this.n + j);
-    return [this.r[place], this.r[place + 1], this.r[place + 2]];
+    return this.shownOf(k, this.r.subarray(place, place + 3));
   }
 
   /** Where the line along +z of spacecraft j ends. */
   tip(k, j) {
     const place = k * this.n + j;
-    return this.position(k, j).map((v, axis) => v + this.length[place] * this.z[3 * place + axis]);
+    const z = this.shownOf(k, this.z.subarray(3 * place, 3 * place + 3));
+    return Array.from(this.position(k, j), (v, axis) => v + this.length[place] * z[axis]);
   }
 
   observing(k, j) {
     return this.modes[this.mode[k * this.n + j]].observing;
   }
 
-  /** Border of the picture that spacecraft j takes, in A, pulled off the ground a little. */
+  /** Border of the picture that spacecraft j takes, pulled off the ground a little. */
   border(k, j) {
     const rays = this.rays.length / 3;
     const watching = this.ray_length.length / (this.count * rays);
     const turn = 9 * (k * watching + j);
-    const from = this.position(k, j);
+    const place = 3 * (k * this.n + j);
+    const from = Array.from(this.r.subarray(place, place + 3));
     return Array.from({ length: rays }, (_, ray) => {
       const length = 0.994 * this.ray_length[(k * watching + j) * rays + ray];
       if (Number.isNaN(length)) return [null, null, null];
-      return from.map((v, axis) => {
+      return this.shownOf(k, from.map((v, axis) => {
         let along = 0;
         for (let b = 0; b < 3; b += 1) along += this.C[turn + 3 * b + axis] * this.rays[3 * ray + b];
         return v + length * along;
-      });
+      }));
     });
   }
 
@@ -90,8 +127,8 @@ class SceneView {
     const sight = spots.flatMap((spot, j) => [spot, this.tip(k, j), [null, null, null]]);
     const signs = this.signs(k).flatMap(({ from, to }) => [from, to, [null, null, null]]);
     return {
-      body: { intensity: Mesh.light(this.body.vertexNormals, sun) },
-      target: { intensity: this.cells(k, sun) },
+      body: { ...this.vertices(this.body, k), intensity: Mesh.light(this.body.vertexNormals, sun) },
+      target: { ...this.vertices(this.target, k), intensity: this.cells(k, sun) },
       sight: { ...xyz(sight), "line.color": colours.flatMap((c) => [c, c, c]) },
       views: xyz(this.pictures(k)),
       spacecraft: {
@@ -110,7 +147,8 @@ class SceneView {
       ["Sun", this.sun, 1.7],
       ["Earth", this.earth, 1.5],
     ].map(([word, directions, reach]) => {
-      const at = (share) => Array.from(directions.subarray(3 * k, 3 * k + 3), (v) => share * this.bodyRadius * v);
+      const toward = this.shownOf(k, directions.subarray(3 * k, 3 * k + 3));
+      const at = (share) => Array.from(toward, (v) => share * this.bodyRadius * v);
       return { word, from: at(1.1), to: at(reach) };
     });
   }
@@ -124,7 +162,7 @@ class SceneView {
     const up = cross(right, forward);
     const scale = this.div.clientHeight / 2 / FIELD_OF_VIEW;
     return points.map((point) => {
-      const arm = point.map((v, k) => (v - this.centre[k]) / (2 * this.half) - eye[k]);
+      const arm = point.map((v, k) => v / (2 * this.half) - eye[k]);
       const ahead = dot(arm, forward);
       return ahead > 0 ? [(scale * dot(arm, right)) / ahead, (-scale * dot(arm, up)) / ahead] : null;
     });
@@ -132,8 +170,9 @@ class SceneView {
 
   /** As `flat`, but none of points behind the body. */
   seen(points) {
-    const eye = [this.view.eye.x, this.view.eye.y, this.view.eye.z].map((v, k) => this.centre[k] + 2 * this.half * v);
-    const covered = (point) => [this.body, this.target].some((mesh) => mesh.stands(eye, point));
+    const eye = [this.view.eye.x, this.view.eye.y, this.view.eye.z].map((v) => 2 * this.half * v);
+    const [from, fixed] = [this.fixedOf(this.shown, eye), (point) => this.fixedOf(this.shown, point)];
+    const covered = (point) => [this.body, this.target].some((mesh) => mesh.stands(from, fixed(point)));
     return this.flat(points).map((place, j) => (place && covered(points[j]) ? null : place));
   }
 
@@ -166,8 +205,9 @@ class SceneView {
   async start(figure, k) {
     this.parts = figure.data.map((trace) => trace.meta);
     const trace = (part) => figure.data[this.parts.indexOf(part)];
-    this.view = this.overview();
     this.shown = k;
+    this.half = this.halfAt(k);
+    this.view = this.overview();
     this.body.fill(trace("body"));
     this.target.fill(trace("target"));
     Object.assign(trace("paths"), xyz(this.paths()));
@@ -180,9 +220,7 @@ class SceneView {
       }
     }
     const scene = figure.layout.scene;
-    ["xaxis", "yaxis", "zaxis"].forEach((axis, place) => {
-      scene[axis].range = [this.centre[place] - this.half, this.centre[place] + this.half];
-    });
+    for (const axis of ["xaxis", "yaxis", "zaxis"]) scene[axis].range = [-this.half, this.half];
     scene.aspectmode = "cube";
     scene.camera = this.view;
     const config = { displayModeBar: false, responsive: true };
@@ -239,6 +277,7 @@ class SceneView {
   /** Show sample k; a picture that is still being drawn is waited for. */
   show(k) {
     this.shown = k;
+    if (this.scale === "near" && this.halfAt(k) !== this.half) this._rescale();
     const changes = this.frame(k);
     const keys = new Set(Object.values(changes).flatMap(Object.keys));
     const update = {};
@@ -250,8 +289,34 @@ class SceneView {
     return this.queue;
   }
 
+  /** Draw twice as much or half as much about the point that is looked at. */
+  _rescale() {
+    const { eye, center, up } = this.view;
+    const share = this.half / this.halfAt(this.shown);
+    const [x, y, z] = ["x", "y", "z"].map((axis) => share * center[axis]);
+    this.moveCamera({ eye: { x: x + eye.x - center.x, y: y + eye.y - center.y, z: z + eye.z - center.z }, center: { x, y, z }, up });
+  }
+
+  /** Draw at a scale, all, near or body, from where a function says. */
+  look(scale, camera) {
+    this.scale = scale;
+    this.half = this.halfAt(this.shown);
+    return this.moveCamera(camera());
+  }
+
+  /** Draw in inertial axes or in those of the body. */
+  setAxes(inertial) {
+    this.inertial = inertial;
+    this.half = this.halfAt(this.shown);
+    this.moveCamera(this.scale === "body" ? this.down() : this.overview());
+    const lines = [this.paths(), [this.position(0, 0)]].map(xyz);
+    const update = Object.fromEntries(["x", "y", "z"].map((axis) => [axis, lines.map((line) => line[axis])]));
+    const traces = ["paths", "mothership"].map((part) => this.parts.indexOf(part));
+    this.queue = this.queue.then(() => Plotly.restyle(this.div, update, traces));
+  }
+
   camera(from, to, distance) {
-    const scaled = (point) => point.map((v, k) => (v - this.centre[k]) / (2 * this.half));
+    const scaled = (point) => Array.from(point, (v) => v / (2 * this.half));
     const eye = to.map((v, k) => v + distance * from[k]);
     const asXyz = ([x, y, z]) => ({ x, y, z });
     return { center: asXyz(scaled(to)), eye: asXyz(scaled(eye)), up: { x: 0, y: 0, z: 1 } };
@@ -261,34 +326,38 @@ class SceneView {
     const v = this.target.vertices;
     const sum = [0, 0, 0];
     for (let place = 0; place < v.length; place += 1) sum[place % 3] += v[place];
-    return sum.map((value) => (3 * value) / v.length);
+    return this.shownOf(this.shown, sum.map((value) => (3 * value) / v.length));
   }
 
-  /** The whole flight. */
+  /** The flight, or what of it is near the body. */
   overview() {
-    const points = this.paths().filter((point) => point[0] !== null);
-    for (let place = 0; place < this.body.vertices.length; place += 9) {
-      points.push([...this.body.vertices.subarray(place, place + 3)]);
-    }
-    return this.fit(this.side(), points);
+    const [first, last] = this.scale === "all" ? [0, this.count - 1] : this.run.scene.near;
+    const points = this.points(this.body, 3);
+    const shown = Math.min(this.n, this.run.max_paths);
+    const step = Math.ceil((last - first) / PATH_SAMPLES) || 1;
+    for (let k = first; k <= last; k += step) for (let j = 0; j < shown; j += 1) points.push(this.position(k, j));
+    return this.fit(this.side(first, last), points);
   }
 
-  /** The target and the spacecraft where they are at time t. */
-  swarm(t) {
-    const k = sampleAt(this.times, t);
-    const points = Array.from({ length: this.n }, (_, j) => this.position(k, j));
-    for (let place = 0; place < this.target.vertices.length; place += 3) {
-      points.push([...this.target.vertices.subarray(place, place + 3)]);
-    }
-    return this.fit(this.side(), points);
+  /** The target and the spacecraft where they are. */
+  swarm() {
+    const points = Array.from({ length: this.n }, (_, j) => this.position(this.shown, j));
+    return this.fit(this.side(...this.run.scene.near), [...points, ...this.points(this.target, 1)]);
+  }
+
+  /** Some vertices of a mesh where they are. */
+  points(mesh, every) {
+    const { x, y, z } = this.vertices(mesh, this.shown);
+    return x.map((_, n) => [x[n], y[n], z[n]]).filter((_, n) => n % every === 0);
   }
 
   /** Direction across the path, to the side where the target is seen and the Sun shines. */
-  side() {
+  side(first, last) {
     const axis = unit(this.targetAxis());
-    const path = this.position(this.count - 1, 0).map((v, k) => v - this.position(0, 0)[k]);
+    const path = Array.from(this.position(last, 0), (v, k) => v - this.position(first, 0)[k]);
+    const sun = this.shownOf(this.shown, this.sun.subarray(3 * this.shown, 3 * this.shown + 3));
     let side = unit(cross(path, axis));
-    if (dot(side, this.sun) < 0) side = side.map((v) => -v);
+    if (dot(side, sun) < 0) side = side.map((v) => -v);
     return unit(axis.map((v, k) => 0.6 * v + side[k] + (k === 2 ? 0.2 : 0)));
   }
 
@@ -298,7 +367,7 @@ class SceneView {
     const up = cross(from, right);
     const tall = FIELD_OF_VIEW * 0.9;
     const wide = (tall * this.div.clientWidth) / Math.max(1, this.div.clientHeight);
-    let to = this.centre;
+    let to = [0, 0, 0];
     let distance = 0;
     for (let round = 0; round < 6; round += 1) {
       const seen = points.map((point) => {
@@ -319,17 +388,17 @@ class SceneView {
   down() {
     const axis = this.targetAxis();
     const away = unit(axis);
-    const v = this.target.vertices;
-    let reach = 0;
-    for (let place = 0; place < v.length; place += 3) {
-      reach = Math.max(reach, Math.hypot(v[place] - axis[0], v[place + 1] - axis[1], v[place + 2] - axis[2]));
-    }
+    const reach = Math.max(...this.points(this.target, 1).map((spot) => Math.hypot(...spot.map((v, k) => v - axis[k]))));
     if (Math.abs(away[2]) > 0.95) away[0] += 0.35;
     return this.camera(unit(away), axis, (1.25 * reach) / FIELD_OF_VIEW);
   }
 
   moveCamera(camera) {
-    this.queue = this.queue.then(() => Plotly.relayout(this.div, { "scene.camera": camera }));
+    this.half = this.halfAt(this.shown);
+    this.view = camera;
+    const changes = { "scene.camera": camera };
+    for (const axis of ["xaxis", "yaxis", "zaxis"]) changes[`scene.${axis}.range`] = [-this.half, this.half];
+    this.queue = this.queue.then(() => Plotly.relayout(this.div, changes));
     return this.queue;
   }
 

@@ -54,6 +54,15 @@ def scene_figure(run: RunRecord, replay: Replay) -> go.Figure:
             _lines("paths", color=GREY, width=2),
             _lines("views", color=INK, width=2),
             _lines("sight", width=3),
+            go.Scatter3d(
+                meta="speck",
+                x=[0.0],
+                y=[0.0],
+                z=[0.0],
+                mode="markers",
+                marker={"size": 4, "color": GREY},
+                hoverinfo="skip",
+            ),
             _spots(
                 "mothership",
                 marker={"symbol": "square", "size": 5, "color": INK},

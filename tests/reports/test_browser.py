@@ -1,6 +1,10 @@
 """The report in a real browser without a display: it loads, and everything follows the slider."""
 
+import numpy as np
 import pytest
+
+from swarm_mj.flight.fly import asteroid_attitudes
+from swarm_mj.records.run_record import read_run
 
 webdriver = pytest.importorskip("selenium.webdriver")
 from selenium.webdriver.common.by import By  # noqa: E402
@@ -90,6 +94,52 @@ def test_the_table_of_the_instant_follows_the_slider(report):
     relaying = [cell.text for cell in report.find_elements(By.CSS_SELECTOR, rows)]
     assert observing[0] == "target observing" and relaying[0] == "Earth tracking"
     assert observing[3] == "open"
+
+
+def test_inertial_axes_show_the_flight_as_the_telemetry_has_it_and_the_body_turns(report, folder):
+    run = read_run(folder)
+    scrub(report, 0.7)
+    shown = """
+        const scene = page.runs[0].scene;
+        const { x, y, z } = scene.div.data.find((trace) => trace.meta === "target");
+        return [page.ticks[page.shown], Array.from(scene.position(page.shown, 1)), [x[0], y[0], z[0]]];
+    """
+    choose = "const a = document.getElementById('axes'); a.value = arguments[0]; a.dispatchEvent(new Event('change'))"
+    t, r_km, corner_km = report.execute_script(shown)
+    now = run.telemetry.sel(time=t)
+    C_AN = asteroid_attitudes(run.telemetry)[int(np.argmin(np.abs(run.times - t)))]
+    assert np.allclose(r_km, now["r_BN_N"].values[1] / 1e3, atol=1e-4)
+    report.execute_script(choose, "body-fixed")
+    settled(report)
+    _, r_A_km, corner_A_km = report.execute_script(shown)
+    assert np.allclose(r_A_km, C_AN @ now["r_BN_N"].values[1] / 1e3, atol=1e-4)
+    assert np.allclose(corner_A_km, C_AN @ corner_km, atol=1e-4) and not np.allclose(corner_A_km, corner_km, atol=1e-2)
+
+
+def test_the_scale_follows_spacecraft_far_from_the_body_which_is_named_where_it_is_a_speck(report):
+    far = """
+        const scene = page.runs[0].scene;
+        scene.run.scene.near = [50, 60];
+        cameraViews.near(scene);
+    """
+    report.execute_script(far)
+    look = (
+        "const s = page.runs[0].scene; return [s.half, s.inBox(s.position(s.shown, 0)), s.div.layout.scene.xaxis.range]"
+    )
+    halves = []
+    for share in (0.0, 0.45, 1.0):
+        scrub(report, share)
+        wait(report, lambda: report.execute_script("return page.runs[0].scene.queue.then(() => true)"))
+        half, inside, shown = report.execute_script(look)
+        assert inside and shown == [-half, half]
+        halves.append(half)
+    assert halves[1] < min(halves[0], halves[2]) and all(np.log2(half / halves[1]) % 1.0 == 0.0 for half in halves)
+    names = "return [...document.querySelectorAll('.labels span')].filter((s) => !s.hidden).map((s) => s.textContent)"
+    assert "433 Eros" not in report.execute_script(names)
+    away = "s.moveCamera(s.camera([0, 1, 0], [0, 0, 0], 200 * s.bodyRadius)).then(() => true)"
+    report.execute_script(f"const s = page.runs[0].scene; return {away}")
+    wait(report, lambda: "433 Eros" in report.execute_script(names))
+    assert not errors(report)
 
 
 def test_play_moves_time_on_and_pauses_and_ends(report):

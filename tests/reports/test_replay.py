@@ -123,10 +123,21 @@ def test_thinning_keeps_the_visit_the_end_and_every_peak(run):
     assert run.scenario.design.time_of_flight_s in thin.times
     assert thin.times[0] == 0.0 and thin.times[-1] == run.times[-1]
     error = np.degrees(run.telemetry["pointing_error"].values)
-    assert np.allclose(thin.pointing_deg.max(axis=0), error.max(axis=0))
+    assert np.allclose(
+        thin.pointing_deg, error[thin.samples]
+    )  # the numbers at the time shown, not the largest before it
+    assert np.allclose(thin.pointing_peak_deg.max(axis=0), error.max(axis=0))
     after = slice(int(np.searchsorted(thin.times, 850.0)), None)
     late = run.times >= 850.0
-    assert np.allclose(thin.pointing_deg[after].max(axis=0), error[late].max(axis=0))
+    assert np.allclose(thin.pointing_peak_deg[after].max(axis=0), error[late].max(axis=0))
+    assert not np.allclose(thin.pointing_peak_deg, thin.pointing_deg)
+
+
+def test_half_of_the_instants_lie_in_a_short_encounter(run):
+    short = np.abs(run.times - run.scenario.design.time_of_flight_s) <= 25.0
+    far = np.where(short, 1.0, 100.0)[:, None, None] * run.telemetry["r_BN_N"]
+    samples = choose_samples(dataclasses.replace(run, telemetry=run.telemetry.assign(r_BN_N=far)), 22)
+    assert short[samples].sum() == short.sum() == 11 and 10 <= (~short[samples]).sum() <= 12
 
 
 def test_few_samples_are_kept_as_they_are(run):
