@@ -6,8 +6,9 @@ A look-up then answers in a time that does not depend on the number of faces. In
 beyond the camera must not count: what the map shows is seen for certain, what it hides is asked again with a ray.
 
 The map of a cell holds the highest blocked elevation above the cell's own plane in each azimuth bin, at each of its sample
-points, found with rays: a coarse scan from the zenith down, then bisection. Between two azimuths the higher horizon counts, so
-that errors hide rather than show.
+points: what the half plane of that azimuth cuts off a face stands highest at an edge, or overhead where the face lies above the
+point. It is rounded up to a level, so that the last bits of a machine decide nothing, and between two azimuths the higher
+horizon counts, so that errors hide rather than show.
 """
 
 from __future__ import annotations
@@ -19,29 +20,29 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swarm_mj.compilation import allocation_free, kernel
+from swarm_mj.io import interruption
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, Optics, camera_pose, in_field_of_view
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import barycentric_samples, hits_own_face
+from swarm_mj.smallbody.shape import directed_edges
 from swarm_mj.spacecraft.attitude.algebra import Vector, dot, vector
-from swarm_mj.typing import Array, Array32, Mask
+from swarm_mj.typing import Array, Array32, Ints, Ints32, Mask
 
 #: Azimuth bins of a map; the widest gap between two is 2.8 deg.
 AZIMUTHS = 128
-#: Elevations of the coarse scan, and bisections after it: 90 deg / 8 / 2^6 is 0.2 deg.
-SCAN, BISECTIONS = 8, 6
+#: Levels of elevation above the lowest, at `LOWEST` of the first of `SCAN` parts of 90 deg; 90 deg / 8 / 64 is 0.2 deg.
+SCAN, LEVELS, LOWEST = 8, 64, 0.02
 #: Sample points per cell by number of cells: the product, and with it time and memory of the maps, stays bounded. Odd numbers,
 #: because "half of them" is then neither met by less than half of the cell nor missed by more: no bias where half decides.
 SAMPLES = ((3_000, 25), (12_000, 9), (10**9, 1))
-#: Rays start this far above the surface, relative to the body's largest radius.
+#: Sample points are this far above the surface, relative to the body's largest radius.
 LIFT = 1e-7
-#: Rays traced at once; bounds the memory.
-BATCH = 400_000
 #: Maps of all targets that are kept on disk together, those used last [bytes].
 MAX_CACHE_BYTES = 512 * 2**20
 #: Raise when the meaning of a stored map changes.
-MAP_VERSION = 1
+MAP_VERSION = 2
 #: What a look at a sample point finds.
 OUTSIDE, BLOCKED, SHOWN = 0, 1, 2
 
@@ -52,7 +53,6 @@ class HorizonMap:
     Args:
         region: The target.
         samples: Points per cell, a square number.
-        tracer: Ray tracer over the region's mesh.
 
     Attributes:
         region: The target.
@@ -62,62 +62,29 @@ class HorizonMap:
         highest: The largest of those, shape (n, samples).
     """
 
-    def __init__(self, region: TargetRegion, *, samples: int = 16, tracer: RayTracer) -> None:
-        self.region, self.tracer = region, tracer
+    def __init__(self, region: TargetRegion, *, samples: int = 16) -> None:
+        self.region = region
         self.points = np.ascontiguousarray(barycentric_samples(samples) @ region.corners_A)
         self.axes = _local_axes(region.normal_A)
         self.sine = np.ascontiguousarray(self._sine())
         self.highest = self.sine.max(axis=2)
 
     def _sine(self) -> Array32:
-        """Trace `sine`, or find it on disk."""
+        """Compute `sine`, or find it on disk."""
         region, shape = self.region, (*self.points.shape[:2], AZIMUTHS + 1)
-        key = hash_of(f"{MAP_VERSION} {AZIMUTHS} {SCAN} {BISECTIONS}", self.points, region.vertices, region.faces)
+        key = hash_of(f"{MAP_VERSION} {AZIMUTHS} {SCAN} {LEVELS} {LOWEST}", self.points, region.vertices, region.faces)
         file = cache_folder() / "horizons" / f"{key}.npy"
         kept = load_array(file, shape)
         if kept is not None:
             return kept
-        sine = np.empty(shape, np.float32)
-        cells = max(1, BATCH // (shape[1] * AZIMUTHS))
-        for start in range(0, shape[0], cells):
-            part = slice(start, min(start + cells, shape[0]))
-            sine[part, :, :AZIMUTHS] = self._trace(part)
+        sine, lift = np.empty(shape, np.float32), LIFT * region.mesh.max_radius
+        skyline = _Skyline(region.vertices, region.faces)
+        for cell, points, axes in zip(sine, self.points, self.axes, strict=True):
+            interruption.check()
+            cell[:, :AZIMUTHS] = _sine_of_level(skyline.slopes(points, axes, lift))
         sine[..., AZIMUTHS] = sine[..., 0]
         store_array(file, sine, folder_bytes=MAX_CACHE_BYTES)
         return sine
-
-    def _trace(self, part: slice) -> Array:
-        axes, points = self.axes[part], self.points[part]
-        azimuth = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
-        level = np.cos(azimuth)[None, :, None] * axes[:, None, 0] + np.sin(azimuth)[None, :, None] * axes[:, None, 1]
-        start = points + LIFT * self.region.mesh.max_radius * axes[:, None, 2]
-        shape = (len(points), points.shape[1], AZIMUTHS)
-        origin = np.broadcast_to(start[:, :, None], (*shape, 3))
-        flat = np.broadcast_to(level[:, None], (*shape, 3))
-        zenith = np.broadcast_to(axes[:, None, None, 2], (*shape, 3))
-
-        def blocked(elevation: Array, where: Mask) -> Mask:
-            e = elevation[where][:, None]
-            return self.tracer.first_hit(origin[where], np.cos(e) * flat[where] + np.sin(e) * zenith[where]) >= 0
-
-        # From the zenith down to the first blocked level; what is open all the way has its horizon at the cell's own plane.
-        low, high = np.zeros(shape), np.full(shape, 0.5 * np.pi)
-        searching = np.ones(shape, np.bool_)
-        for k in range(SCAN - 1, -1, -1):
-            elevation = np.full(shape, 0.5 * np.pi * (k + 0.02) / SCAN)
-            hit = np.zeros(shape, np.bool_)
-            hit[searching] = blocked(elevation, searching)
-            low[hit] = elevation[hit]
-            searching &= ~hit
-            high[searching] = elevation[searching]
-        found = ~searching
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (low + high)
-            hit = np.zeros(shape, np.bool_)
-            hit[found] = blocked(middle, found)
-            low[hit] = middle[hit]
-            high[found & ~hit] = middle[found & ~hit]
-        return np.where(found, np.sin(high), 0.0)
 
     @property
     def samples(self) -> int:
@@ -148,7 +115,7 @@ class HorizonObserver:
         self.region, self.camera = region, camera
         if samples is None:
             samples = next(samples for limit, samples in SAMPLES if region.n_cells <= limit)
-        self.horizon = HorizonMap(region, samples=samples, tracer=self.tracer)
+        self.horizon = HorizonMap(region, samples=samples)
 
     @property
     def samples(self) -> int:
@@ -180,6 +147,115 @@ class HorizonObserver:
 
     def close(self) -> None:
         """Nothing to release."""
+
+
+class _Skyline:
+    """What stands above planes of a triangle mesh, by azimuth.
+
+    Args:
+        vertices: Of the mesh in A, shape (V, 3) [m].
+        faces: Vertex indices, shape (F, 3).
+    """
+
+    def __init__(self, vertices: Array, faces: Ints32) -> None:
+        self._vertices, self._faces = vertices, faces
+        self._edges, which = np.unique(np.sort(directed_edges(faces), axis=1), axis=0, return_inverse=True)
+        order = np.argsort(which.ravel(), kind="stable")  # puts the sides of an edge beside each other, one or two
+        first = np.searchsorted(which.ravel()[order], np.arange(len(self._edges)))
+        last = np.append(first[1:], len(order)) - 1
+        face = np.repeat(np.arange(len(faces)), 3)[order]
+        self._beside = np.stack((face[first], np.where(last > first, face[last], -1)), axis=1)
+
+    def slopes(self, points: Array, axes: Array, lift: float) -> Array:
+        """Tangents of the highest blocked elevation by azimuth, 0 where nothing is, shape (samples, azimuths).
+
+        Args:
+            points: In A, all in the plane of the cell, shape (samples, 3) [m].
+            axes: Two tangents and the normal of the cell as rows, shape (3, 3).
+            lift: Height above the plane from which it is looked [m].
+        """
+        local = (self._vertices - points[0]) @ axes.T - (0.0, 0.0, lift)
+        above, found = local[:, 2] > 0.0, np.zeros((len(points), AZIMUTHS))
+        high = np.flatnonzero(above[self._faces].any(axis=1))
+        borders = np.flatnonzero(above[self._edges].any(axis=1))
+        front = np.zeros(len(self._faces), np.bool_)
+        mesh = (self._faces, self._edges, self._beside, high, borders, front)
+        _raise_slopes((points - points[0]) @ axes[:2].T, local, *mesh, found)
+        return found
+
+
+@kernel
+def _raise_slopes(
+    points: Array,
+    local: Array,
+    faces: Ints32,
+    edges: Ints32,
+    beside: Ints,
+    high: Ints,
+    borders: Ints,
+    front: Mask,
+    slope: Array,
+) -> None:
+    """Raise tangents of elevation, shape (samples, azimuths), around points (samples, 2) of the plane z = 0 by faces above it.
+
+    Only edges between a face that turns its front to the point and one that does not are looked at: elsewhere the mesh goes on
+    higher up.
+    """
+    for s in range(points.shape[0]):
+        x, y = points[s, 0], points[s, 1]
+        for f in high:
+            volume, overhead = _seen_from(local, faces[f], x, y)
+            front[f] = volume < 0.0
+            if overhead:
+                slope[s, :] = np.inf
+        for e in borders:
+            one, other = beside[e, 0], beside[e, 1]
+            if other < 0 or front[one] != front[other]:
+                a, b = edges[e, 0], edges[e, 1]
+                start = (local[a, 0] - x, local[a, 1] - y, local[a, 2])
+                _raise_by_edge(start, (local[b, 0] - x, local[b, 1] - y, local[b, 2]), slope[s])
+
+
+@allocation_free
+def _raise_by_edge(a: Vector, b: Vector, slope: Array) -> None:
+    """Raise tangents of elevation by azimuth to those of an edge from `a` to `b`, seen from the origin with z upwards."""
+    turn = a[0] * b[1] - a[1] * b[0]
+    if turn < 0.0:
+        a, b, turn = b, a, -turn
+    if turn == 0.0:
+        return
+    # Counter-clockwise from a to b, by less than half a turn.
+    first = np.arctan2(a[1], a[0]) / (2.0 * np.pi) * AZIMUTHS
+    last = np.arctan2(b[1], b[0]) / (2.0 * np.pi) * AZIMUTHS
+    if last < first:
+        last += AZIMUTHS
+    for k in range(int(np.ceil(first)), int(np.floor(last)) + 1):
+        c, s = np.cos(2.0 * np.pi * k / AZIMUTHS), np.sin(2.0 * np.pi * k / AZIMUTHS)
+        # Weights of the ends where the half plane cuts the edge; its distance times their sum is `turn`.
+        to_a, to_b = b[1] * c - b[0] * s, a[0] * s - a[1] * c
+        height = to_a * a[2] + to_b * b[2]
+        slope[k % AZIMUTHS] = max(slope[k % AZIMUTHS], height / turn)
+
+
+@allocation_free
+def _seen_from(local: Array, face: Ints32, x: float, y: float) -> tuple[float, bool]:
+    """The determinant of a face's corners seen from a point of the plane z = 0, and whether the face stands above it."""
+    volume, least, most = 0.0, np.inf, -np.inf
+    for k in range(3):
+        a, b, c = face[k], face[(k + 1) % 3], face[(k + 2) % 3]
+        weight = (local[b, 0] - x) * (local[c, 1] - y) - (local[b, 1] - y) * (local[c, 0] - x)
+        least, most = min(least, weight), max(most, weight)
+        volume += weight * local[a, 2]
+    return volume, least >= 0.0 and volume > 0.0 or most <= 0.0 and volume < 0.0
+
+
+def _sine_of_level(slope: Array) -> Array32:
+    """Sines of elevations rounded up to levels, 0 below the lowest, of tangents (...,)."""
+    part = np.arctan(slope) / (0.5 * np.pi) * SCAN - LOWEST
+    low = np.clip(np.floor(part), 0, SCAN - 1)
+    high = np.where(low < SCAN - 1, low + 1.0, SCAN - LOWEST)
+    level = low + (high - low) * np.ceil((part - low) / (high - low) * LEVELS) / LEVELS + LOWEST
+    return np.where(part > 0.0, np.sin(0.5 * np.pi / SCAN * level), 0.0).astype(np.float32)
 
 
 def _local_axes(normal_A: Array) -> Array:

@@ -5,7 +5,7 @@ import pytest
 
 from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.capture import observe
-from swarm_mj.observation.horizon import SHOWN, HorizonObserver, look_at_all
+from swarm_mj.observation.horizon import AZIMUTHS, SHOWN, HorizonObserver, look_at_all
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.observation.raycast import RayCastObserver
 
@@ -81,6 +81,27 @@ def test_the_plate_hides_the_ground_beneath_it():
     seen = HorizonObserver(region, CameraModel(half_angle_deg=60.0), samples=4).visible_fraction(pose.r_A, pose.C_CA)
     hidden = on_ground(region) @ (region.area * (1 - seen))
     assert hidden == pytest.approx((5 / 4) ** 2, rel=0.1)
+
+
+def test_rays_are_blocked_below_the_horizon_and_free_above_it(observer):
+    maps, region, rng = observer.horizon, observer.region, np.random.default_rng(6)
+    cell, sample = rng.integers(region.n_cells, size=20_000), rng.integers(maps.samples, size=20_000)
+    azimuth = rng.integers(AZIMUTHS, size=20_000)
+    sine = maps.sine[cell, sample, azimuth].astype(float)
+    first, second, normal = np.moveaxis(maps.axes[cell], 1, 0)
+    angle = 2.0 * np.pi * azimuth[:, None] / AZIMUTHS
+    start = maps.points[cell, sample] + 1e-7 * region.mesh.max_radius * normal
+
+    def free(elevation):
+        level = np.cos(angle) * first + np.sin(angle) * second
+        way = np.cos(elevation)[:, None] * level + np.sin(elevation)[:, None] * normal
+        return observer.tracer.first_hit(start, way) < 0
+
+    raised = (sine > 0.0) & (sine < 0.95)
+    assert raised.sum() > 1000
+    assert free(np.arcsin(sine) + np.radians(0.01))[(sine > 0.0) & (sine < 1.0)].mean() > 0.999
+    assert free(np.arcsin(sine) - np.radians(0.19))[raised].mean() < 0.001
+    assert free(np.full(len(sine), np.radians(0.3)))[sine == 0.0].mean() > 0.999
 
 
 def test_maps_are_kept_and_read_back(observer):
