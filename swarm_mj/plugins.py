@@ -1,15 +1,17 @@
-"""Plug-ins by name: controllers, gravity fields and behaviours, found through entry points.
+"""Plug-ins by name: controllers, gravity fields and behaviours, found through entry points or in files that are named.
 
 A package adds its own by declaring, for example::
 
     [project.entry-points."swarm_mj.controllers"]
     my_law = "my_package.control:MyLaw"
 
-and a scenario then says `control: {controller: my_law, parameters: {...}}`.
+and a scenario then says `control: {controller: my_law, parameters: {...}}`. Or it names a class in a file,
+`control: {controller: "my_law.py:MyLaw"}`: that file is run, and no other.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -18,7 +20,8 @@ from importlib.metadata import EntryPoint, entry_points
 from inspect import signature
 from pathlib import Path
 from traceback import extract_tb
-from typing import Any
+from types import ModuleType
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,18 +47,59 @@ def _entries(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
 
 
 def find(group: str, name: str) -> Callable[..., Any]:
-    """The class or factory that a plug-in name stands for.
+    """The class or factory that a plug-in name stands for, or `FILE.py:CLASS`.
 
     Raises:
         PluginError: The name is unknown, or its module cannot be imported.
     """
+    if (place := file_of(name)) is not None:
+        return _in_file(*place)
     found = [entry for entry in _entries(group, tuple(sys.path)) if entry.name == name]
     if not found:
-        raise PluginError(f"{name!r}: unknown plug-in of {group}; available: {', '.join(names(group))}")
+        raise PluginError(
+            f"{name!r}: unknown plug-in of {group}; available: {', '.join(names(group))}, or FILE.py:CLASS of your own"
+        )
     try:
         return found[0].load()
     except (ImportError, AttributeError) as error:
         raise PluginError(f"{name!r} of {group}: cannot be loaded: {error}") from error
+
+
+def file_of(name: str) -> tuple[Path, str] | None:
+    """File and class of a plug-in that is named by them; None of one named by an entry point."""
+    path, separator, attribute = name.rpartition(":")
+    return (Path(path), attribute) if separator and path.endswith(".py") else None
+
+
+def _in_file(path: Path, attribute: str) -> Callable[..., Any]:
+    try:
+        whole = path.resolve(strict=True)
+        module = _module(whole, whole.stat().st_mtime_ns)
+    except OSError as error:
+        raise PluginError(f"'{path}:{attribute}': {path}: cannot be read ({error.strerror})") from None
+    except Exception as error:
+        at = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == str(whole)]
+        line = f", line {at[-1]}" if at else ""
+        raise PluginError(f"'{path}:{attribute}': {path}{line}: {type(error).__name__}: {in_words(error)}") from error
+    if not callable(found := getattr(module, attribute, None)):
+        own = [k for k, v in vars(module).items() if isinstance(v, type) and v.__module__ == module.__name__]
+        raise PluginError(f"'{path}:{attribute}': {path} has no class {attribute!r}; it has {', '.join(own) or 'none'}")
+    return cast(Callable[..., Any], found)
+
+
+@cache
+def _module(path: Path, _mtime_ns: int) -> ModuleType:
+    """The module in a file, run once until the file changes; under a name that no other module has."""
+    name = str(path)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None  # of a name that ends in .py
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
 
 
 @contextmanager

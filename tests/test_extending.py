@@ -3,13 +3,16 @@
 import importlib
 import json
 import shlex
+import sys
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import swarm_mj as sm
 from swarm_mj.cli.main import main
+from swarm_mj.errors import PluginError, SwarmError
 from swarm_mj.records.findings import borrowed_findings
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.telemetry import MODES, read_telemetry
@@ -94,3 +97,66 @@ def test_the_gravity_of_the_page_is_that_of_its_two_masses(desk):
     # On the x axis, 150 m beyond a lobe: GM/2 at 150 m and GM/2 at 450 m.
     near = field.acceleration(np.array([[300.0, 0.0, 0.0]]))
     assert near[0] == pytest.approx([-4.0 / 150.0**2 - 4.0 / 450.0**2, 0.0, 0.0])
+
+
+OWN_LAW = """
+from dataclasses import dataclass
+
+
+@dataclass
+class Damper:
+    stiffness: float = 1e-3
+    damping: float = 2e-2
+
+    def torque(self, inputs, memory):
+        return -self.stiffness * inputs.sigma_BR - self.damping * inputs.omega_BR_B, memory
+"""
+
+
+@pytest.fixture
+def with_files(tmp_path):
+    """A scenario in a folder of its own that names a law beside it, and the flight's shortest form."""
+    (tmp_path / "laws").mkdir()
+    (tmp_path / "laws" / "own_law.py").write_text(OWN_LAW)
+    (tmp_path / "own.yaml").write_text(
+        "name: own\nduration_s: 40\ncontrol: {controller: 'laws/own_law.py:Damper', parameters: {stiffness: 2.0e-3}}\n"
+        "design: {visiting_points: [5], time_of_flight_s: 30}\nbehavior: {name: adaptable_roles}\nphysics: {stepper: kernel}\n"
+        "telemetry: {interval_s: 10}\nobservation: {interval_s: 10}\n"
+    )
+    return tmp_path
+
+
+def test_a_law_in_a_file_flies_as_the_same_law_by_name_does(with_files, desk):
+    own = sm.fly(with_files / "own.yaml")
+    named = sm.fly(with_files / "own.yaml", {"control.controller": "damper"})
+    assert own.scenario.control.controller == f"{with_files / 'laws' / 'own_law.py'}:Damper"
+    assert np.array_equal(own.telemetry["sigma_BN"].values, named.telemetry["sigma_BN"].values)
+    assert not any(name.endswith("laws") for name in sys.path)
+
+
+def test_a_campaign_flies_a_law_in_a_file_in_its_workers_and_refuses_to_go_on_with_another(with_files, tmp_path):
+    rows = sm.campaign(with_files / "own.yaml", runs=2, workers=2, out=tmp_path / "out")
+    assert len(rows) == 2 and (rows["coverage_percent"] >= 0.0).all() and not rows["error"].any()
+    (with_files / "laws" / "own_law.py").write_text(OWN_LAW.replace("2e-2", "3e-2"))
+    with pytest.raises(SwarmError, match="own_law.py"):
+        sm.campaign(with_files / "own.yaml", runs=2, out=tmp_path / "out", resume=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            None,
+            r"control.controller = '.*own_law.py:Damper': .*own_law.py: cannot be read \(No such file or directory\)",
+        ),
+        ("Other = 1\nclass Another: pass\n", r"own_law.py has no class 'Damper'; it has Another"),
+        ("x = 1\ny = x / 0\n", r"own_law.py, line 2: ZeroDivisionError: division by zero"),
+        ("def f(:\n", r"own_law.py.*SyntaxError"),
+        ("class Damper: pass\n", r"has no torque, which every one of them must have"),
+    ],
+)
+def test_what_is_wrong_with_a_file_names_file_and_class(with_files, text, words):
+    law = with_files / "laws" / "own_law.py"
+    law.unlink() if text is None else law.write_text(text)
+    with pytest.raises(PluginError, match=words):
+        sm.fly(with_files / "own.yaml", {"control.parameters": {}, "control.controller": f"{law}:Damper"})

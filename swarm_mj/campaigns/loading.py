@@ -22,6 +22,7 @@ from swarm_mj.flight.targets import target_from, true_target
 from swarm_mj.io.cache import hash_of
 from swarm_mj.io.records import bytes_of, reading
 from swarm_mj.io.values import check_data, shortened, shown
+from swarm_mj.plugins import file_of
 from swarm_mj.scenarios import loading
 from swarm_mj.scenarios.bodies import PACKAGED_SHAPES
 from swarm_mj.scenarios.loading import ScenarioSource
@@ -318,6 +319,10 @@ def _hashes(scenarios: Iterable[Scenario]) -> Iterator[tuple[str, str]]:
             yield scenario.body.shape, _hash_of_file("body.shape", scenario.body.shape)
         if scenario.spacecraft.mjcf is not None:
             yield scenario.spacecraft.mjcf, _hash_of_file("spacecraft.mjcf", scenario.spacecraft.mjcf)
+        own = {"control.controller": scenario.control.controller, "behavior.name": scenario.behavior.name}
+        for key, name in (own | {"body.gravity.model": scenario.body.gravity.model}).items():
+            if (place := file_of(name)) is not None:
+                yield str(place[0]), _hash_of_file(key, str(place[0]))
 
 
 def _hash_of_file(key: str, path: str) -> str:

@@ -18,6 +18,7 @@ from pydantic import BaseModel, ValidationError
 from swarm_mj.errors import ScenarioError
 from swarm_mj.io.records import bytes_of, one_line, reading, record_from
 from swarm_mj.io.values import MAX_DEPTH, check_data, shortened, shown
+from swarm_mj.plugins import file_of
 from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, packaged_body
 from swarm_mj.scenarios.coverage_relations import with_ground_resolution
 from swarm_mj.scenarios.design_record import DesignRecord
@@ -198,6 +199,10 @@ def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
         values = _section(data, section)
         if isinstance(values.get(key), str) and values[key] not in packaged:
             values[key] = _resolved(values[key], folder)
+    for section, key in (("control", "controller"), ("body.gravity", "model"), ("behavior", "name")):
+        values = _section(data, section)
+        if isinstance(name := values.get(key), str) and (own := file_of(name)) is not None:
+            values[key] = f"{_resolved(str(own[0]), folder)}:{own[1]}"
     ephemerides = _section(data, "ephemerides")
     if isinstance(ephemerides.get("kernels"), list):
         named = ephemerides["kernels"]

@@ -29,7 +29,7 @@ from swarm_mj.scenarios.schema_propulsion import (
 )
 from swarm_mj.scenarios.schema_sensors import Sensors, expanded_sensors
 from swarm_mj.scenarios.schema_swarm import Swarm
-from swarm_mj.scenarios.section import Parameters, Section, Vector3
+from swarm_mj.scenarios.section import YOUR_OWN, Parameters, Section, Vector3
 
 
 class Target(Section):
@@ -108,7 +108,10 @@ class Spacecraft(Section):
 class Control(Section):
     """The attitude control law, by plug-in name."""
 
-    controller: str = Field("mrp_sliding_mode", description="plug-in: mrp_sliding_mode, mrp_feedback or your own")
+    controller: str = Field(
+        "mrp_sliding_mode",
+        description=f"plug-in: mrp_sliding_mode, mrp_feedback or {YOUR_OWN}",
+    )
     parameters: Parameters = Field(
         default_factory=dict, description="gains of the plug-in; see docs/theory/attitude_control.md"
     )
@@ -139,7 +142,7 @@ class Behavior(Section):
     name: str = Field(
         "dedicated_communications",
         description="plug-in: dedicated_communications, adaptable_roles, target_sweep, scripted_policy, trained_policy or "
-        "your own",
+        f"{YOUR_OWN}",
     )
     parameters: Parameters = Field(default_factory=dict, description="arguments of the plug-in")
     imaging_radius_m: float = Field(

@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from swarm_mj.scenarios import constants
 from swarm_mj.scenarios.bodies import PACKAGED_SHAPES
-from swarm_mj.scenarios.section import Parameters, Section
+from swarm_mj.scenarios.section import YOUR_OWN, Parameters, Section
 
 SemiAxis = Annotated[float, Field(gt=0, le=2e6)]
 
@@ -17,7 +17,8 @@ class GravityModel(Section):
     """Which gravity field acts, by plug-in name."""
 
     model: str = Field(
-        "spherical_harmonics", description="plug-in: spherical_harmonics, point_mass, polyhedron or your own"
+        "spherical_harmonics",
+        description=f"plug-in: spherical_harmonics, point_mass, polyhedron or {YOUR_OWN}",
     )
     parameters: Parameters = Field(
         default_factory=dict,

@@ -13,6 +13,8 @@ from swarm_mj.io.values import shown
 #: Of a position [m], up to some 7 au: two days before a fast flyby a mothership is 1e9 m away.
 Component = Annotated[float, Field(ge=-1e12, le=1e12)]
 Vector3 = Annotated[tuple[Component, Component, Component], Field(description="three components")]
+#: How a plug-in of the user's own is named.
+YOUR_OWN = "your own: its name, or FILE.py:CLASS relative to the scenario's file"
 #: Arguments of a plug-in by name.
 Parameters = dict[str, Any]
 
