@@ -15,6 +15,7 @@ from swarm_mj.cli.common import (
     add_quiet,
     bars_for,
     overrides_of,
+    show_table,
     tell,
 )
 from swarm_mj.io.machine import check_workers
@@ -104,7 +105,7 @@ def _fly(arguments: argparse.Namespace, resolved: Resolved, folder: Path) -> int
     from swarm_mj.campaigns.summary import group_table, sobol_findings, summary_table
 
     for table in filter(None, (summary_table(flown.summary), group_table(flown.summary))):
-        bars.console.print(table)
+        show_table(bars.console, table)
     failed = [row for row in flown.results.to_pylist() if row["status"] == "failed"]
     lines = [*sobol_findings(flown.summary), *map(_failure, failed[:5])]
     if failed:

@@ -5,13 +5,17 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
+    from rich.table import Table
 
+#: No table is wider than this.
+MOST_COLUMNS = 10_000
 DEFAULT_OUT = Path("results")
 DEFAULT_SCENARIOS = ("eros-config1", "eros-config2")
 
@@ -93,6 +97,25 @@ def bars_for(arguments: argparse.Namespace) -> Iterator[Progress]:
 
     with progress_bars(Console(), arguments.quiet) as bars:
         yield bars
+
+
+def narrowest(console: Console, table: Table) -> tuple[int, int]:
+    """Widths of a table whose cells are broken between all their words, and between none."""
+    from rich.measure import Measurement
+
+    return Measurement.get(console, console.options.update(max_width=MOST_COLUMNS), table)
+
+
+def show_table(console: Console, table: Table) -> None:
+    """Print a table whole: no cell is cut off, and where nobody looks at a terminal none is broken."""
+    from rich.console import Console
+    from rich.text import Text
+
+    least, natural = narrowest(console, table)
+    width = max(console.width, least) if console.is_terminal else natural
+    drawn = StringIO()
+    Console(file=drawn, width=width, force_terminal=console.is_terminal).print(table)
+    console.print(Text.from_ansi(drawn.getvalue()), soft_wrap=True)
 
 
 def tell(console: Console, *lines: str) -> None:

@@ -6,7 +6,16 @@ import argparse
 import shlex
 from pathlib import Path
 
-from swarm_mj.cli.common import DEFAULT_OUT, add_command, add_common, add_scenario, bars_for, overrides_of, tell
+from swarm_mj.cli.common import (
+    DEFAULT_OUT,
+    add_command,
+    add_common,
+    add_scenario,
+    bars_for,
+    overrides_of,
+    show_table,
+    tell,
+)
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -58,9 +67,9 @@ def _design(arguments: argparse.Namespace) -> int:
             pdf=arguments.pdf,
             progress=bars,
         )
-    bars.console.print(design_table(found.record))
+    show_table(bars.console, design_table(found.record))
     if arguments.compare:
-        bars.console.print(growth_table(found.compared))
+        show_table(bars.console, growth_table(found.compared))
     tell(bars.console, f"{scenario.name}: files in {folder}", _hint(arguments, folder))
     return 0
 

@@ -16,6 +16,7 @@ from swarm_mj.cli.common import (
     add_scenario,
     bars_for,
     overrides_of,
+    show_table,
     tell,
 )
 from swarm_mj.errors import OutputError
@@ -69,7 +70,7 @@ def _fly(arguments: argparse.Namespace) -> int:
         prepare_drawing()  # before anything heavy is imported: it takes the other process as long to get ready as this one
     from swarm_mj.api.flight import check, fly
     from swarm_mj.api.scenario import load
-    from swarm_mj.cli.tables import results_table
+    from swarm_mj.cli.tables import results_tables
 
     overrides = overrides_of(arguments)
     scenarios = [load(name, overrides, design=arguments.design, policy=arguments.policy) for name in arguments.scenario]
@@ -83,7 +84,8 @@ def _fly(arguments: argparse.Namespace) -> int:
                 scenario, out=folder, figures=not arguments.no_figures, pdf=arguments.pdf, report=report, progress=bars
             )
             flown.append((folder, flight.summary, flight.findings))
-    bars.console.print(results_table([summary for _, summary, _ in flown]))
+    for table in results_tables(bars.console, [summary for _, summary, _ in flown]):
+        show_table(bars.console, table)
     for folder, summary, findings in flown:
         words = [*_notes(summary), *findings, f"files in {folder}"]
         tell(bars.console, *(f"{summary['scenario']}: {each}" for each in words))

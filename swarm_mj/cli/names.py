@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import textwrap
 from itertools import groupby
+from shutil import get_terminal_size
 
 from swarm_mj.cli.common import add_command
 
@@ -38,7 +40,7 @@ def _available(_: argparse.Namespace) -> int:
     for kind, group in groupby(named, lambda one: one.kind):
         print(f"{kind}:")
         for one in group:
-            print(f"  {one.name:{width}}  {one.description}")
+            print(_wrapped(f"  {one.name:{width}}  {one.description}", width + 4))
     return 0
 
 
@@ -52,8 +54,15 @@ def _explain(arguments: argparse.Namespace) -> int:
         default = row.default if row.default == "required" else f"default {row.default}"
         facts = (row.type, row.unit and f"[{row.unit}]", default, row.allowed.replace("`", ""))
         print(f"{row.name}: {', '.join(filter(None, facts))}")
-        print(textwrap.indent(textwrap.fill(row.meaning, 100), "    "))
+        print(_wrapped(f"    {row.meaning}", 4))
     return 0
+
+
+def _wrapped(line: str, indent: int) -> str:
+    """A line as a terminal has room for it; whole where nobody looks at one."""
+    if not sys.stdout.isatty():
+        return line
+    return textwrap.fill(line, get_terminal_size().columns, subsequent_indent=" " * indent, break_on_hyphens=False)
 
 
 def _packaged(arguments: argparse.Namespace) -> int:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from swarm_mj.cli.common import add_command, add_overrides, add_quiet, bars_for, overrides_of, tell
+from swarm_mj.cli.common import add_command, add_overrides, add_quiet, bars_for, overrides_of, show_table, tell
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -42,7 +42,7 @@ def _navigate(arguments: argparse.Namespace) -> int:
 
     with bars_for(arguments) as bars:
         found = navigate(arguments.scenario, overrides_of(arguments), runs=arguments.runs, progress=bars)
-    bars.console.print(_table(found))
+    show_table(bars.console, _table(found))
     lines = [f"{found.scenario.name}: {words}" for words in found.findings]
     if arguments.out is not None:
         lines.append(f"numbers in {found.save(arguments.out)}")

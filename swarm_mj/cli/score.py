@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from swarm_mj.cli.common import add_command, add_quiet, bars_for, tell
+from swarm_mj.cli.common import add_command, add_quiet, bars_for, show_table, tell
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -55,7 +55,7 @@ def _score(arguments: argparse.Namespace) -> int:
             scores = score(arguments.policy, episodes=arguments.episodes, key=arguments.key, progress=bars)
         if partial is not None:
             partial.write_text(json.dumps([one.record() for one in scores], indent=1) + "\n", encoding="utf-8")
-    bars.console.print(_table(scores))
+    show_table(bars.console, _table(scores))
     if out is not None:
         tell(bars.console, f"numbers in {out}")
     return 0

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import pandas as pd
+from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from swarm_mj.cli.common import narrowest
 from swarm_mj.observation.coverage import percent_digits
 from swarm_mj.records.observed import causes_text, criterion_text
 from swarm_mj.records.summary import working
+
+
+def results_tables(console: Console, summaries: Sequence[dict[str, Any]]) -> Iterator[Table]:
+    """As many short tables as it takes to have none wider than the terminal; a single one where nobody looks at one."""
+    part: list[dict[str, Any]] = []
+    for summary in summaries:
+        wide = console.is_terminal and narrowest(console, results_table([*part, summary]))[0] > console.width
+        if part and wide:
+            yield results_table(part)
+            part = []
+        part.append(summary)
+    yield results_table(part)
 
 
 def results_table(summaries: Sequence[dict[str, Any]]) -> Table:
