@@ -15,6 +15,7 @@ A task's batch has
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any, ClassVar, NamedTuple
 
 import gymnasium
@@ -26,6 +27,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.io.progress import said_when_late
 from swarm_mj.typing import Array, Ints, Mask
 
 from .arguments import (
@@ -40,6 +42,8 @@ from .arguments import (
 from .snapshots import EpisodeSnapshot, RebuiltOnCopy, must_have_begun, restore_state, take_state
 
 Infos = dict[str, Any]
+#: What takes long at first, in words; the times are those of `docs/how-to/environments.md`.
+FIRST_USE = "compiling, once on this machine, about a minute; each mission's tables, once, about a second"
 
 
 class StepOutcome(NamedTuple):
@@ -67,6 +71,7 @@ class _OverBatch(RebuiltOnCopy):
     ends: ClassVar[tuple[str, ...]] = ("",)
     own_options: ClassVar[tuple[str, ...]] = ()
     _batch: Any = None
+    _used: tuple[str, ...] = ()
 
     @property
     def batch(self) -> Any:
@@ -83,6 +88,13 @@ class _OverBatch(RebuiltOnCopy):
     def task(self) -> Any:
         """What all episodes share."""
         return self.batch.task
+
+    def _first_use(self, what: str) -> AbstractContextManager[None]:
+        """Says what a first call does, if that takes long."""
+        if what in self._used:
+            return nullcontext()
+        self._used = (*self._used, what)
+        return said_when_late(f"{self.name}: first {what}: {FIRST_USE}")
 
     def _kept(self, *names: str) -> dict[str, Any]:
         return {name: getattr(self, name) for name in ("spec", "action_space", "observation_space", *names)}
@@ -111,7 +123,8 @@ class BatchEnv(_OverBatch, gymnasium.Env[Any, Any]):
         given = checked_options(options)
         own = {name: given.pop(name) for name in self.own_options if name in given}
         drawn = flight_seed(given, int(self.np_random.integers(2**31)), self.own_options)
-        self.batch.reset({0: drawn}, **own)
+        with self._first_use("reset"):
+            self.batch.reset({0: drawn}, **own)
         self._running = self._begun = True
         return one_of(self.batch.observation, 0), self._info() | {"flight_seed": drawn}
 
@@ -125,7 +138,8 @@ class BatchEnv(_OverBatch, gymnasium.Env[Any, Any]):
         batch = self.batch
         if not self._running:
             raise gymnasium.error.ResetNeeded(f"{self.name}: the episode is over or has not begun; call reset first")
-        result = batch.step(check_action(self.action_space, action)[None], np.ones(1, np.bool_))
+        with self._first_use("step"):
+            result = batch.step(check_action(self.action_space, action)[None], np.ones(1, np.bool_))
         terminated, truncated = bool(result.end[0]), bool(result.truncated[0])
         self._running = not (terminated or truncated)
         info = self._info() | told_of_step(batch, result, 0, self.terms, self.ends)
@@ -210,7 +224,8 @@ class BatchVectorEnv(_OverBatch, VectorEnv[Any, Any, Any]):
                 self._random[e] = seeding.np_random(drawn_from)[0]
         chosen = flight_seeds(given.pop("flight_seed", None), self.num_envs)
         flights = {int(e): self._draw(int(e), given, chosen[e]) for e in np.flatnonzero(mask)}
-        self.batch.reset(flights, **own)
+        with self._first_use("reset"):
+            self.batch.reset(flights, **own)
         self._over[mask], self._begun[mask] = False, True
         infos = self._infos(mask)
         put_infos(infos, "flight_seed", flights, self.num_envs)
@@ -234,7 +249,8 @@ class BatchVectorEnv(_OverBatch, VectorEnv[Any, Any, Any]):
         began = self._restart() if self._mode is AutoresetMode.NEXT_STEP and self._over.any() else {}
         live = np.ones(self.num_envs, np.bool_)
         live[list(began)] = False
-        result = self.batch.step(array, live)
+        with self._first_use("step"):
+            result = self.batch.step(array, live)
         terminated, truncated = (result.end > 0) & live, result.truncated & live
         rewards = np.where(live, result.reward, 0.0)
         infos = self._infos(np.ones(self.num_envs, np.bool_)) | self._told_of_step(result, live)

@@ -15,11 +15,12 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.io.progress import said_when_late
 from swarm_mj.typing import Array32, Pixels
 
 from ..agents import PerAgent, SwarmParallelEnv
 from ..arguments import agent_names, checked_render_mode, record_of
-from ..batch_env import StepOutcome
+from ..batch_env import FIRST_USE, StepOutcome, told_of_step
 from ..snapshots import EpisodeSnapshot, must_have_begun, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import EnvConfig
@@ -86,7 +87,8 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[PerAgent, PerAgent]:
         """Start an episode; `options` may hold `flight_seed` and `draw`, and others are ignored, as PettingZoo asks."""
         chosen = self._draw(seed, options)
-        self.batch.reset({0: chosen}, (options or {}).get("draw"))
+        with said_when_late(f"{type(self).__name__}: first reset: {FIRST_USE}"):
+            self.batch.reset({0: chosen}, (options or {}).get("draw"))
         if self.config.knowledge == "graph":
             self._knowledge = GraphKnowledge(self.batch)
             self._knowledge.begin()

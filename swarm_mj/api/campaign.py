@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from rich.progress import Progress
 
 from swarm_mj.campaigns import runner
 from swarm_mj.campaigns.loading import Resolved, load_campaign
@@ -18,7 +17,7 @@ from swarm_mj.campaigns.manifest import load_campaign_of
 from swarm_mj.campaigns.runner import Replayed, run_campaign
 from swarm_mj.errors import OutputError
 from swarm_mj.io.machine import check_workers
-from swarm_mj.io.progress import using_bars
+from swarm_mj.io.progress import Shown, using_bars
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource, load_scenario
 
 if TYPE_CHECKING:
@@ -52,7 +51,7 @@ def campaign(
     scheduler: str | None = None,
     resume: bool = False,
     figures: bool = True,
-    progress: bool | Progress = False,
+    progress: Shown = None,
 ) -> pd.DataFrame:
     """Fly a campaign: scenarios with drawn parameters, on all cores or a Dask cluster; needs the extra `cluster`.
 
@@ -66,7 +65,7 @@ def campaign(
         scheduler: Address of a Dask cluster's scheduler that flies instead, e.g. tcp://host:8786.
         resume: Go on with the campaign in `out`.
         figures: Whether to draw figures into `out`.
-        progress: Whether to show a progress bar, or the bars to use.
+        progress: Whether to show a progress bar, or the bars to use; None: on a terminal and in notebooks, after 2 s.
 
     Returns:
         One row a run; `attrs["summary"]` says what they say in sum, as in summary.json.
@@ -127,7 +126,7 @@ def compare_classes(
     places: bool = True,
     resume: bool = False,
     figures: bool = True,
-    progress: bool | Progress = False,
+    progress: Shown = None,
 ) -> ComparedClasses:
     """Fly the swarm classes 0 to 4 through the same dispersed encounters with losses; needs the extra `cluster`.
 
@@ -140,7 +139,7 @@ def compare_classes(
         places: Whether classes 3 and 4 fly once more with visiting points planned together with the pictures.
         resume: Go on with the comparison in `out`.
         figures: Whether to draw figures into `out`.
-        progress: Whether to show a progress bar, or the bars to use.
+        progress: Whether to show a progress bar, or the bars to use; None: on a terminal and in notebooks, after 2 s.
 
     Raises:
         SwarmError: The scenario cannot be read, planned or flown, or nothing can be written; what was flown is kept in `out`.

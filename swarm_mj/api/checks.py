@@ -6,17 +6,16 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 import pandas as pd
-from rich.progress import Progress
 
-from swarm_mj.io.progress import using_bars
+from swarm_mj.io.progress import Shown, using_bars
 
 
-def validate(only: Sequence[str] = (), *, progress: bool | Progress = False) -> pd.DataFrame:
+def validate(only: Sequence[str] = (), *, progress: Shown = None) -> pd.DataFrame:
     """Run the physics checks on the installed program.
 
     Args:
         only: Names of checks or groups; empty: all.
-        progress: Whether to show a progress bar, or the bars to use.
+        progress: Whether to show a progress bar, or the bars to use; None: on a terminal and in notebooks, after 2 s.
 
     Returns:
         One row a check: what was measured, against which reference, the tolerance, and whether it passed (None: not run).

@@ -19,7 +19,7 @@ from swarm_mj.flight.plan import check_plugins
 from swarm_mj.io.atomic import MARKER, Result, atomic_folder
 from swarm_mj.io.interruption import held
 from swarm_mj.io.machine import check_workers
-from swarm_mj.io.progress import Stages, using_bars
+from swarm_mj.io.progress import Shown, Stages, using_bars
 from swarm_mj.io.records import bytes_of
 from swarm_mj.observation.coverage import percent_text
 from swarm_mj.records.design_files import design_record, left_out_words, write_design, write_growth
@@ -142,16 +142,14 @@ class Design:
             overrides["design.reference"] = (self.folder / "design.json").resolve()
         return self.scenario.changed(overrides)
 
-    def save(
-        self, folder: str | Path, *, figures: bool = True, pdf: bool = False, progress: bool | Progress = False
-    ) -> Path:
+    def save(self, folder: str | Path, *, figures: bool = True, pdf: bool = False, progress: Shown = None) -> Path:
         """Write the design into a folder that appears only when all is done.
 
         Args:
             folder: Where; an earlier design of the same scenario is replaced, anything else is refused.
             figures: Whether to write the pictures as PNG, and with `pdf` as PDF too.
             pdf: See `figures`.
-            progress: Whether to show progress bars, or the bars to use.
+            progress: Whether to show progress bars, or the bars to use; None: on a terminal and in notebooks, after 2 s.
 
         Raises:
             OutputError: The folder cannot be written or holds something else.
@@ -212,7 +210,7 @@ def design(
     workers: int | None = None,
     figures: bool = True,
     pdf: bool = False,
-    progress: bool | Progress = False,
+    progress: Shown = None,
 ) -> Design:
     """Find the fewest observers that see the whole target, by genetic algorithm and with proof.
 
@@ -226,7 +224,7 @@ def design(
         workers: Processes for the candidates' pictures; None: one per core.
         figures: Whether to write the pictures into the folder as PNG, and with `pdf` as PDF too.
         pdf: See `figures`.
-        progress: Whether to show progress bars, or the bars to use.
+        progress: Whether to show progress bars, or the bars to use; None: on a terminal and in notebooks, after 2 s.
 
     Raises:
         MissionError: No design covers the target; the message says how much can be seen.

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import pandas as pd
 import xarray as xr
-from rich.progress import Progress
 
 from swarm_mj.api.display import Plots, figure_html, rows_html
 from swarm_mj.api.scenario import Scenario, load
@@ -24,7 +23,7 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, add_coverage, observe_flight, picture_count
 from swarm_mj.flight.plan import Plan, behavior_from, check_plugins, make_plan
 from swarm_mj.io.atomic import Result, atomic_folder, check_place
-from swarm_mj.io.progress import Forecast, Stages, using_bars
+from swarm_mj.io.progress import Forecast, Shown, Stages, using_bars
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.coverage import CoverageMap, percent_text
 from swarm_mj.records.run_files import coverage_arrays, flown_design, write_results, write_summary
@@ -143,7 +142,7 @@ class Flight:
         figures: bool = True,
         pdf: bool = False,
         report: bool = True,
-        progress: bool | Progress = False,
+        progress: Shown = None,
     ) -> Path:
         """Write the flight into a folder that appears only when all is done.
 
@@ -152,7 +151,7 @@ class Flight:
             figures: Whether to write the figures as PNG, and with `pdf` as PDF too.
             pdf: See `figures`.
             report: Whether to write report.html.
-            progress: Whether to show progress bars, or the bars to use.
+            progress: Whether to show progress bars, or the bars to use; None: on a terminal and in notebooks, after 2 s.
 
         Returns:
             The folder.
@@ -191,7 +190,7 @@ class Flight:
         size: tuple[int, int] | None = None,
         speed: float | None = None,
         span_s: tuple[float | None, float | None] | None = None,
-        progress: bool | Progress = False,
+        progress: Shown = None,
     ) -> Path:
         """Make a film of the flight, or stills of its visit and end.
 
@@ -203,7 +202,7 @@ class Flight:
             speed: Seconds of flight per second of film; None: so that the film lasts about half a minute.
             span_s: Begin and end of what is shown [s], each None for the flight's own; None: all of it, or the encounter where
                 that is a small part of the flight.
-            progress: Whether to show progress bars, or the bars to use.
+            progress: Whether to show progress bars, or the bars to use; None: on a terminal and in notebooks, after 2 s.
 
         Raises:
             OutputError: The camera does not exist, or the film cannot be encoded or written.
@@ -294,7 +293,7 @@ def fly(
     figures: bool = True,
     pdf: bool = False,
     report: bool = True,
-    progress: bool | Progress = False,
+    progress: Shown = None,
 ) -> Flight:
     """Fly a scenario and judge what its cameras saw.
 
@@ -306,7 +305,7 @@ def fly(
         figures: Whether to write the figures into the folder as PNG, and with `pdf` as PDF too.
         pdf: See `figures`.
         report: Whether to write report.html into the folder.
-        progress: Whether to show progress bars, or the bars to use.
+        progress: Whether to show progress bars, or the bars to use; None: on a terminal and in notebooks, after 2 s.
 
     Raises:
         SwarmError: The scenario cannot be flown or the folder cannot be written.

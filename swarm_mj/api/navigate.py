@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from rich.progress import Progress
 
 from swarm_mj import __version__
 from swarm_mj.api.scenario import Scenario, load
@@ -18,7 +17,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.flight.trajectory_corrections import CorrectionAnalysis, analyse_corrections
 from swarm_mj.io.atomic import atomic_file
-from swarm_mj.io.progress import Stages, using_bars
+from swarm_mj.io.progress import Shown, Stages, using_bars
 from swarm_mj.mission.covariance import sample_chance, visit_axes
 from swarm_mj.mission.dispersed import DispersedFlights, fly_dispersed
 from swarm_mj.records.navigation import navigation_findings, navigation_rows, total_delta_v
@@ -148,7 +147,7 @@ def navigate(
     overrides: Mapping[str, Any] = NO_OVERRIDES,
     *,
     runs: int = 0,
-    progress: bool | Progress = False,
+    progress: Shown = None,
 ) -> Navigation:
     """Carry the covariance of release, navigation and burns through the corrections to the visit; nothing is flown in MuJoCo.
 
@@ -156,7 +155,7 @@ def navigate(
         scenario: What is to be flown, as `load` takes it.
         overrides: Values by dotted key that change it, e.g. `{"dispersions.deployment_velocity_m_s": 0.1}`.
         runs: Flights under all forces to check it with, drawn from the scenario's seed; 0: none.
-        progress: Whether to show progress bars, or the bars to use.
+        progress: Whether to show progress bars, or the bars to use; None: on a terminal and in notebooks, after 2 s.
 
     Raises:
         SwarmError: The scenario cannot be planned, or a correction has no solution.

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from rich.progress import Progress
 
 from swarm_mj import __version__
 from swarm_mj.api.flight import cells_table
@@ -24,7 +23,7 @@ from swarm_mj.interop.external_flight import (
     scenario_of,
 )
 from swarm_mj.io.atomic import atomic_file
-from swarm_mj.io.progress import Stages, using_bars
+from swarm_mj.io.progress import Shown, Stages, using_bars
 from swarm_mj.io.records import writing
 from swarm_mj.observation.coverage import CoverageMap, percent_text
 from swarm_mj.records.observed import not_observed
@@ -119,7 +118,7 @@ def observe(
     overrides: Mapping[str, Any] = NO_OVERRIDES,
     body: str | None = None,
     pointing: Pointing = "nadir",
-    progress: bool | Progress = False,
+    progress: Shown = None,
 ) -> Observation:
     """Judge what the cameras of a flight saw that was flown elsewhere, as `fly` judges its own.
 
@@ -131,7 +130,7 @@ def observe(
         overrides: Values by dotted key that change the scenario, e.g. `{"camera.half_angle_deg": 6}`.
         body: A packaged body, instead of a scenario.
         pointing: Where the cameras look without an AEM: at the body's centre (`nadir`) or the target's (`target`).
-        progress: Whether to show progress bars, or the bars to use.
+        progress: Whether to show progress bars, or the bars to use; None: on a terminal and in notebooks, after 2 s.
 
     Raises:
         InteropError: A file is refused; one line says which line, key and value, and the remedy.

@@ -10,7 +10,7 @@ from typing import Any
 from rich.progress import Progress
 
 from swarm_mj.envs.policies.leaderboard import FrozenEpisodes, Score
-from swarm_mj.io.progress import using_bars
+from swarm_mj.io.progress import Shown, using_bars
 
 
 def score(
@@ -18,7 +18,7 @@ def score(
     *,
     episodes: int | None = None,
     key: int | None = None,
-    progress: bool | Progress = False,
+    progress: Shown = None,
 ) -> list[Score]:
     """Fly policies of SwarmObserve-v0 through the frozen test episodes of its leaderboard.
 

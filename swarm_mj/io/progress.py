@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import timedelta
-from typing import Any
+from threading import Timer
+from typing import Any, TypeAlias
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeElapsedColumn
@@ -17,6 +19,10 @@ from swarm_mj.io import interruption
 
 #: A forecast is made after so long [s], and told where the whole takes longer than this [s].
 FORECAST_AFTER_S, LONG_S = 2.0, 60.0
+#: What nobody asked to be shown is, where somebody looks, after so long [s].
+LATE_S = 2.0
+#: Whether bars are shown: True, False, the bars to use, or None, which leaves it to how long the work takes and who looks.
+Shown: TypeAlias = bool | Progress | None
 
 
 class Bars(Progress):
@@ -55,6 +61,33 @@ class Bars(Progress):
         super().advance(*arguments, **keywords)
 
 
+class LateBars(Bars):
+    """Bars that stand once the work has taken `LATE_S`."""
+
+    _timer: Timer | None = None
+    _over = False
+
+    def start(self) -> None:
+        """Start the clock."""
+        self._timer = Timer(LATE_S, self._appear)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def stop(self) -> None:
+        """Leave the bars as they stand, if they do."""
+        with self._lock:
+            self._over = True
+        if self._timer is not None:
+            self._timer.cancel()
+        super().stop()
+
+    def _appear(self) -> None:
+        with self._lock:
+            if not self._over:
+                self._begun = True
+                Progress.start(self)
+
+
 class Remaining(ProgressColumn):
     """The time that is left: by the speed of late, or by that since the beginning where steps are minutes apart."""
 
@@ -69,9 +102,9 @@ class Remaining(ProgressColumn):
         return Text(words, style="progress.remaining")
 
 
-def progress_bars(console: Console, quiet: bool = False) -> Progress:
+def progress_bars(console: Console, quiet: bool = False, kind: type[Bars] = Bars) -> Progress:
     """Bars with elapsed and remaining time; none if quiet."""
-    return Bars(
+    return kind(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TimeElapsedColumn(),
@@ -82,15 +115,38 @@ def progress_bars(console: Console, quiet: bool = False) -> Progress:
 
 
 @contextmanager
-def using_bars(progress: bool | Progress) -> Iterator[Progress | None]:
-    """Bars that stand while the block runs: new ones if asked for, those that are given, or none."""
+def using_bars(progress: Shown) -> Iterator[Progress | None]:
+    """Bars that stand while the block runs: new ones if asked for, those that are given, or none.
+
+    If nothing is said, they stand on stderr where somebody looks at it, once the block has taken `LATE_S`.
+    """
     if isinstance(progress, Progress):
         yield progress
-    elif progress:
-        with progress_bars(Console()) as bars:
+    elif progress or (progress is None and is_watched()):
+        late = progress is None
+        with progress_bars(Console(stderr=late), kind=LateBars if late else Bars) as bars:
             yield bars
     else:
         yield None
+
+
+def is_watched() -> bool:
+    """Whether stderr is a terminal or a notebook."""
+    console = Console(stderr=True)
+    return console.is_terminal or console.is_jupyter
+
+
+@contextmanager
+def said_when_late(words: str) -> Iterator[None]:
+    """Say on stderr, where somebody looks at it, what the block does once it has taken `LATE_S`."""
+    timer = Timer(LATE_S, print, (words,), {"file": sys.stderr, "flush": True})
+    timer.daemon = True
+    if is_watched():
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 class Stages:

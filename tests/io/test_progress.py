@@ -1,10 +1,12 @@
 """The time that is left, and what long work will take."""
 
+from time import sleep
+
 import pytest
 from rich.console import Console
 
 from swarm_mj.io import progress
-from swarm_mj.io.progress import Forecast, Remaining, in_words, progress_bars
+from swarm_mj.io.progress import Forecast, Remaining, in_words, progress_bars, said_when_late, using_bars
 
 
 @pytest.fixture
@@ -64,3 +66,35 @@ def test_a_short_piece_of_work_is_not_foretold(clock):
 @pytest.mark.parametrize(("seconds", "words"), [(90, "90 s"), (130, "2 min"), (7300, "2 h"), (864000, "10 days")])
 def test_times_have_the_unit_that_fits(seconds, words):
     assert in_words(seconds) == words
+
+
+def test_unasked_bars_appear_on_stderr_only_when_work_takes_long_and_somebody_looks(monkeypatch, capsys):
+    def work(late_s, until):
+        monkeypatch.setattr(progress, "LATE_S", late_s)
+        with using_bars(None) as bars:
+            bars.add_task("work", total=1.0)
+            while not until(bars):
+                sleep(0.01)
+        return capsys.readouterr()
+
+    with using_bars(None) as nobody:
+        assert nobody is None  # under pytest stderr is no terminal
+    monkeypatch.setattr(progress, "is_watched", lambda: True)
+    assert work(1e3, lambda bars: True) == ("", "")
+    out, err = work(0.0, lambda bars: bars.live.is_started)
+    assert out == "" and "work" in err
+    with using_bars(False) as none:
+        assert none is None
+
+
+def test_late_words_are_said_once_and_not_of_what_is_soon_over(monkeypatch, capsys):
+    monkeypatch.setattr(progress, "is_watched", lambda: True)
+    with said_when_late("soon over"):
+        pass
+    monkeypatch.setattr(progress, "LATE_S", 0.0)
+    with said_when_late("compiling"):
+        said = ""
+        while not said:
+            sleep(0.01)
+            said = capsys.readouterr().err
+    assert said == "compiling\n"
