@@ -1,4 +1,4 @@
-"""A flight that was flown elsewhere, judged by what its cameras saw: `observe` reads its OEM and AEM."""
+"""A flight that was flown elsewhere, judged by what its cameras saw: `observe` reads its OEM and AEM, or SPK and CK."""
 
 from __future__ import annotations
 
@@ -28,7 +28,11 @@ from swarm_mj.io.records import writing
 from swarm_mj.observation.coverage import CoverageMap, percent_text
 from swarm_mj.records.observed import not_observed
 from swarm_mj.records.run_files import write_coverage
+from swarm_mj.scenarios.bodies import packaged_bodies
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
+from swarm_mj.smallbody.naif import BodyName
+from swarm_mj.tracks.kernels_in import read_kernels
+from swarm_mj.tracks.track import Track
 
 Files = str | Path | Sequence[str | Path]
 
@@ -111,9 +115,11 @@ class Observation:
 
 
 def observe(
-    oem: Files,
+    oem: Files = (),
     aem: Files = (),
     *,
+    kernels: Files = (),
+    spacecraft: str | Sequence[str] = (),
     scenario: ScenarioSource | None = None,
     overrides: Mapping[str, Any] = NO_OVERRIDES,
     body: str | None = None,
@@ -125,10 +131,13 @@ def observe(
     Args:
         oem: Orbit Ephemeris Messages (CCSDS, KVN), one a spacecraft, relative to the body.
         aem: Attitude Ephemeris Messages, as many and in the same order; none: `pointing`.
+        kernels: SPICE kernels instead: SPK, CK, and the text kernels that these need; a meta-kernel serves too (extra `spice`).
+        spacecraft: SPICE's names or numbers of the observers, or `NAME/FRAME` with the frame whose z axis the camera looks
+            along; none: all spacecraft of the SPKs.
         scenario: Body, target, camera, criterion, epoch and duration, as `load` takes it; None: `body`, as long as the files
             last.
         overrides: Values by dotted key that change the scenario, e.g. `{"camera.half_angle_deg": 6}`.
-        body: A packaged body, instead of a scenario.
+        body: A packaged body, a YAML file with the keys of `body`, or a shape file, instead of a scenario.
         pointing: Where the cameras look without an AEM: at the body's centre (`nadir`) or the target's (`target`).
         progress: Whether to show progress bars, or the bars to use; None: on a terminal and in notebooks, after 2 s.
 
@@ -138,18 +147,42 @@ def observe(
     """
     if (scenario is None) == (body is None):
         raise InteropError("give either a scenario (--scenario) or a body (--body)")
+    if bool(_paths(oem)) == bool(_paths(kernels)):
+        raise InteropError("give either OEM (--oem) or SPICE kernels (--kernels)")
+    wanted = [spacecraft] if isinstance(spacecraft, str) else list(spacecraft)
+
+    def tracks(body: str, code: str | None) -> tuple[Sequence[Track], Sequence[Track]]:
+        if _paths(kernels):
+            return read_kernels(_paths(kernels), wanted, code or str(BodyName.of(body).code))
+        return read_tracks(_paths(oem), _paths(aem), body)
+
     if scenario is None:
         section = body_section(str(body))
-        paths, attitudes = read_tracks(_paths(oem), _paths(aem), str(section["name"]))
+        _check_complete(str(body), section, overrides)
+        paths, attitudes = tracks(str(section["name"]), overrides.get("ephemerides.body"))
         asked = load(scenario_of(paths, section), overrides)
     else:
         asked = load(scenario, overrides)
-        paths, attitudes = read_tracks(_paths(oem), _paths(aem), asked.body.name)
+        paths, attitudes = tracks(asked.body.name, asked.ephemerides.body)
     flight = foreign_flight(asked, paths, attitudes, pointing)
     with using_bars(progress) as bars:
         stages = Stages(asked.name, bars)
         with stages.stage("coverage", "images", picture_count(flight, flight.telemetry)) as done:
             return Observation(flight, observe_flight(flight, flight.telemetry, done))
+
+
+def _check_complete(body: str, section: Mapping[str, Any], overrides: Mapping[str, Any]) -> None:
+    """Refuse a body that would turn, or stand in the light, as Eros does because nobody said how."""
+    missing = [
+        key
+        for key in ("rotation", "orbit")
+        if key not in section and not any(f"{given}.".startswith(f"body.{key}.") for given in overrides)
+    ]
+    if missing and body not in packaged_bodies() and "ephemerides.kernels" not in overrides:
+        raise InteropError(
+            f"body = {body}: says nothing of its {' and '.join(missing)}; give body.{missing[0]} in a YAML file or by --set, "
+            "or SPICE kernels that know it (ephemerides.kernels)"
+        )
 
 
 def _paths(files: Files) -> list[Path]:

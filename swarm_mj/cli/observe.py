@@ -14,11 +14,11 @@ def add(commands: argparse._SubParsersAction) -> None:
         commands,
         "observe",
         _observe,
-        "judge what a flight saw that was flown elsewhere, by its OEM and AEM",
-        "Occlusion-true coverage of a flight that was flown elsewhere, by its CCSDS ephemeris messages (KVN).",
+        "judge what a flight saw that was flown elsewhere, by its OEM and AEM or SPK and CK",
+        "Occlusion-true coverage of a flight that was flown elsewhere, by CCSDS ephemeris messages (KVN) or SPICE kernels.",
     )
     observe.add_argument(
-        "--oem", action="append", required=True, type=Path, metavar="FILE", help="path of a spacecraft; may be repeated"
+        "--oem", action="append", default=[], type=Path, metavar="FILE", help="path of a spacecraft; may be repeated"
     )
     observe.add_argument(
         "--aem",
@@ -28,8 +28,27 @@ def add(commands: argparse._SubParsersAction) -> None:
         metavar="FILE",
         help="its attitude; as many as OEM, in their order",
     )
+    observe.add_argument(
+        "--kernels",
+        nargs="+",
+        default=[],
+        type=Path,
+        metavar="FILE",
+        help="SPICE kernels instead: SPK, CK, and the text kernels that they need, or a meta-kernel",
+    )
+    observe.add_argument(
+        "--spacecraft",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="SPICE's names or numbers of the observers, or NAME/FRAME with the camera's frame (default: all of the SPKs)",
+    )
     where = observe.add_mutually_exclusive_group(required=True)
-    where.add_argument("--body", metavar="NAME", help="packaged body: eros, bennu, itokawa or lutetia")
+    where.add_argument(
+        "--body",
+        metavar="NAME",
+        help="eros, bennu, itokawa or lutetia, a YAML file with the keys of body, or a shape file",
+    )
     where.add_argument(
         "--scenario", metavar="NAME_OR_FILE", help="scenario with body, target, camera, criterion, epoch and duration"
     )
@@ -55,6 +74,8 @@ def _observe(arguments: argparse.Namespace) -> int:
         seen = observe(
             arguments.oem,
             arguments.aem,
+            kernels=arguments.kernels,
+            spacecraft=arguments.spacecraft,
             scenario=arguments.scenario,
             body=arguments.body,
             overrides=overrides_of(arguments) | camera,

@@ -1,8 +1,8 @@
-"""A flight that was flown elsewhere, by its OEM and AEM: brought to the instants of pictures, which are judged as ours are.
+"""A flight that was flown elsewhere, by its files: brought to the instants of pictures, which are judged as ours are.
 
 A picture is taken at the scenario's instants by every spacecraft that is inside the imaging radius and of which the files know
-where it is and how it is turned. Without an AEM the camera points at the body's centre (`nadir`) or at the target's (`target`),
-with the picture's right perpendicular to the body's spin axis.
+where it is and how it is turned. Without attitudes the camera points at the body's centre (`nadir`) or at the target's
+(`target`), with the picture's right perpendicular to the body's spin axis.
 """
 
 from __future__ import annotations
@@ -25,10 +25,12 @@ from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import look_at
 from swarm_mj.scenarios.bodies import packaged_body
+from swarm_mj.scenarios.loading import body_of_file
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.smallbody.shape_io import READERS
 from swarm_mj.smallbody.solid_angle import points_inside
 from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion, quaternions
 from swarm_mj.tracks.ccsds_in import read_aem, read_oem
@@ -104,15 +106,24 @@ def read_tracks(oem: Sequence[Path], aem: Sequence[Path], body: str) -> tuple[li
 
 
 def body_section(name: str) -> dict[str, Any]:
-    """The section `body` of a packaged body.
+    """The section `body` of a packaged body, of a YAML file with its keys, or of a shape file alone.
 
     Raises:
         InteropError: There is none of that name.
+        ScenarioError: The file cannot be read.
     """
+    path = Path(name)
+    if path.suffix.lower() in (".yaml", ".yml"):
+        return body_of_file(path)
+    if path.suffix.lower() in READERS:
+        # Nothing flies here, so that no gravity is asked for; the schema wants some.
+        return {"name": path.stem, "shape": name, "gravity": {"model": "point_mass", "parameters": {"gm": 1.0}}}
     try:
         return packaged_body(name)
     except ValueError as error:
-        raise InteropError(f"body {error}; for one of your own give a scenario (--scenario FILE)") from None
+        raise InteropError(
+            f"body {error}; for one of your own give its shape or YAML file, or a scenario (--scenario FILE)"
+        ) from None
 
 
 def scenario_of(paths: Sequence[Track], body: dict[str, Any]) -> dict[str, Any]:
@@ -184,7 +195,7 @@ def foreign_flight(
     if not attitudes:
         words = "the body's centre (nadir)" if pointing == "nadir" else "the target's centre"
         assumed.append(
-            f"no AEM was given: the cameras point at {words}, the picture's right across the body's spin axis"
+            f"no attitudes were given: the cameras point at {words}, the picture's right across the body's spin axis"
         )
     return ForeignFlight(
         scenario=scenario,

@@ -19,7 +19,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.io.records import bytes_of, one_line, reading, record_from
 from swarm_mj.io.values import MAX_DEPTH, check_data, shortened, shown
 from swarm_mj.plugins import file_of
-from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, packaged_body
+from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, expanded_body, packaged_body
 from swarm_mj.scenarios.coverage_relations import with_ground_resolution
 from swarm_mj.scenarios.design_record import DesignRecord
 from swarm_mj.scenarios.explaining import explained, listed
@@ -207,6 +207,18 @@ def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
     if isinstance(ephemerides.get("kernels"), list):
         named = ephemerides["kernels"]
         ephemerides["kernels"] = [_resolved(name, folder) if isinstance(name, str) else name for name in named]
+
+
+def body_of_file(path: Path) -> dict[str, Any]:
+    """The section `body` from a YAML file with its keys, or from that of a scenario; its shape is relative to the file.
+
+    Raises:
+        ScenarioError: It cannot be read, or holds no mapping.
+    """
+    data = parse_yaml(file_text(path, "body"), str(path))
+    found = {"body": expanded_body(data.get("body", data))}
+    _resolve_paths(found, path.parent)
+    return dict(found["body"])
 
 
 def _section(data: dict[str, Any], path: str) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from swarm_mj.cli.main import main
 from swarm_mj.errors import InteropError, SwarmError
 from swarm_mj.observation.coverage import percent_text
 from swarm_mj.scenarios.loading import parse_overrides
+from swarm_mj.smallbody.shape_io import save_shape
 from tests.interop.conftest import CHEAP
 
 
@@ -75,7 +76,7 @@ def test_without_attitudes_the_cameras_look_where_it_is_said(flown, messages):
         assert C_BN[2] @ line == pytest.approx(np.linalg.norm(line), rel=1e-14)
         assert abs(C_BN[0] @ flown.plan.environment.spin_N) < 1e-18 and np.linalg.det(C_BN) == pytest.approx(1)
         words = {"nadir": "the body's centre (nadir)", "target": "the target's centre"}[pointing]
-        assert f"no AEM was given: the cameras point at {words}" in seen.notes[0]
+        assert f"no attitudes were given: the cameras point at {words}" in seen.notes[0]
         assert seen.coverage.percent > 0
 
 
@@ -122,7 +123,10 @@ def test_files_that_do_not_belong_together_are_refused(messages, flown, tmp_path
         sm.observe(oem, aem[:1], body="eros")
     with pytest.raises(InteropError, match="CENTER_NAME = EROS, but the body is BENNU"):
         sm.observe(oem, body="bennu")
-    with pytest.raises(InteropError, match="body = 'erso' is no packaged body: did you mean 'eros'.*--scenario FILE"):
+    with pytest.raises(
+        InteropError,
+        match="body = 'erso' is no packaged body: did you mean 'eros'.*YAML file.*--scenario FILE",
+    ):
         sm.observe(oem, body="erso")
     with pytest.raises(InteropError, match="give either a scenario .* or a body"):
         sm.observe(oem, body="eros", scenario=flown.scenario)
@@ -166,3 +170,66 @@ def test_the_command_says_what_was_seen_and_writes_it(messages, tmp_path, capsys
         )
     assert main([*command, "--scenario", "none.yaml"]) == 2
     assert "none.yaml" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def kernels(exported):
+    """The exported kernels in a kernels-kernel that holds from anywhere."""
+    names = [
+        exported / "spice" / name for name in ("leapseconds.tls", "swarm.tsc", "swarm.tf", "swarm.bsp", "swarm.bc")
+    ]
+    return names
+
+
+def test_spk_and_ck_of_a_run_give_the_same_cells_as_it_saw(flown, kernels):
+    seen = sm.observe(kernels=kernels, scenario=flown.scenario)
+    assert seen.flight.names == ("SWARM_SC1", "SWARM_SC2") and seen.notes == []
+    for ours, theirs in ((flown.coverage, seen.coverage), (flown.passage, seen.passage)):
+        assert np.array_equal(ours.first_seen_by_s, theirs.first_seen_by_s, equal_nan=True)
+    one = sm.observe(
+        kernels=kernels, spacecraft="SWARM_SC2/SWARM_SC2_BODY", body="eros", overrides={"camera.half_angle_deg": 9}
+    )
+    assert one.flight.names == ("SWARM_SC2",) and one.coverage.percent > 0.0
+    turned = sm.observe(kernels=[name for name in kernels if name.suffix != ".bc"], scenario=flown.scenario)
+    assert "no attitudes were given: the cameras point at the body's centre" in turned.notes[0]
+
+
+def test_kernels_that_do_not_say_enough_are_refused(flown, kernels):
+    for given, words in (
+        ({"kernels": kernels, "spacecraft": "HAYABUSA2"}, r"spacecraft = HAYABUSA2: is in none of the SPKs"),
+        ({"kernels": kernels, "spacecraft": "NOBODY"}, r"spacecraft = NOBODY: SPICE says .*the FK that names it"),
+        ({"kernels": kernels, "spacecraft": "SWARM_SC1/J2000"}, r"frame J2000: is in none of the CKs"),
+        ({"kernels": kernels[:3]}, r"no SPK with a spacecraft"),
+        ({}, r"give either OEM \(--oem\) or SPICE kernels \(--kernels\)"),
+    ):
+        with pytest.raises(InteropError, match=words):
+            sm.observe(**given, scenario=flown.scenario)
+
+
+def test_a_body_of_ones_own_is_a_shape_file_or_a_yaml_file(flown, messages, kernels, tmp_path):
+    save_shape(flown.plan.shape, tmp_path / "own.obj")
+    own = {name: getattr(flown.scenario.body, name).model_dump() for name in ("rotation", "orbit")}
+    body = {
+        "name": "433 Eros",
+        "shape": "own.obj",
+        "gravity": {"model": "point_mass", "parameters": {"gm": 4.5e5}},
+        **own,
+    }
+    (tmp_path / "own.yaml").write_text(json.dumps(body))
+    packaged = sm.observe(files(messages, "oem"), body="eros")
+    by_yaml = sm.observe(files(messages, "oem"), body=str(tmp_path / "own.yaml"))
+    assert (
+        by_yaml.coverage.percent == pytest.approx(packaged.coverage.percent, abs=0.5)
+        and packaged.coverage.percent > 1.0
+    )
+    eros = {"ephemerides.body": "2000433"}
+    by_shape = sm.observe(
+        kernels=kernels,
+        body=str(tmp_path / "own.obj"),
+        overrides=eros | {f"body.{key}": value for key, value in own.items()},
+    )
+    assert by_shape.coverage.percent > 1.0
+    with pytest.raises(
+        InteropError, match=r"own.obj: says nothing of its orbit; give body.orbit in a YAML file or by --set"
+    ):
+        sm.observe(kernels=kernels, body=str(tmp_path / "own.obj"), overrides=eros | {"body.rotation": own["rotation"]})
