@@ -44,7 +44,9 @@ def options(description: str | None, name: str) -> Options:
     add("--seed", type=int, default=1, help=f"of network, choices and episodes {shown}")
     add("--every", type=int, default=25_000, help=f"steps between points of the curve {shown}")
     given = Options(**vars(parser.parse_args()))
-    print("Compiling and working out the missions: about a minute the first time; both are kept in the cache.", flush=True)
+    print(
+        "Compiling and working out the missions: about a minute the first time; both are kept in the cache.", flush=True
+    )
     return given
 
 
