@@ -91,5 +91,5 @@ def test_horizon_maps_are_kept_within_their_bound(tmp_path, monkeypatch):
             "eros-quick", parse_overrides([f"target.latitude_deg={latitude}", "target.half_angle_deg=8"])
         )
         region = target_from(scenario, load_body_shape(scenario.body))
-        horizon.HorizonMap(region, samples=1, tracer=horizon.RayTracer(region.vertices, region.faces))
+        horizon.HorizonMap(region, samples=1)
         assert len(names(tmp_path / "horizons")) == 1
