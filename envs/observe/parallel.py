@@ -20,7 +20,7 @@ from swarm_mj.typing import Array32, Pixels
 
 from ..agents import PerAgent, SwarmParallelEnv
 from ..arguments import agent_names, checked_render_mode, record_of
-from ..batch_env import FIRST_USE, StepOutcome, told_of_step
+from ..batch_env import FIRST_USE, StepOutcome
 from ..snapshots import EpisodeSnapshot, must_have_begun, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import EnvConfig

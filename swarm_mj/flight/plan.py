@@ -138,17 +138,15 @@ def make_plan(
         impacts = foreseen_impacts(shape, environment, r0_N, destinations_N[counts], span, scenario.duration_s)
         _refuse_impacts(scenario, [replace(one, spacecraft=int(who[counts][one.spacecraft])) for one in impacts])
 
+    push, most_m_s = push_of(properties, own), scenario.mothership.deployer.max_speed_m_s
     deployment = deploy(
         environment,
         mothership_N=mothership.r_N,
         mothership_velocity=mothership.velocity,
         **legs(scenario, stops, points_A, behavior),
         progress=progress,
-        foresee=foresee
-        if scenario.mothership.deployer.max_speed_m_s is None
-        else None,  # insertion burns lead elsewhere
+        foresee=foresee if push is None or most_m_s is None else None,  # insertion burns lead elsewhere
     )
-    push = push_of(properties, own)
     deployment = with_insertion(scenario, environment.acceleration_N, deployment, push, candidates)
     check_burns(deployment, push)
     check_deployer(scenario.mothership.deployer, deployment, candidates)

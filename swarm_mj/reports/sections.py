@@ -360,9 +360,7 @@ def _mothership_orbit(summary: dict[str, Any]) -> Html | None:
         words += _hyperbola(way) if told >= OF_HYPERBOLA else ""
     elif way.get("orbit") == "radial":
         if "apoapsis_radius_m" in told:
-            words += (
-                f"It rises or falls straight, osculating then, to {_km(way['apoapsis_radius_m'])} from the centre at most."
-            )
+            words += f"It rises or falls straight, osculating then, to {_km(way['apoapsis_radius_m'])} from the centre at most."
     elif told >= {"orbit", "eccentricity", "periapsis_radius_m"}:
         words += (
             f"Its orbit, osculating then, is {'a' if way['orbit'] == 'parabola' else 'an'} {way['orbit']} of eccentricity "

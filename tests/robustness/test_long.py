@@ -73,7 +73,7 @@ def test_python_objects_do_not_grow_with_the_time_of_flight(quick_plan):
 
     tracemalloc.start()
     try:
-        after(200)
+        after(2_200)  # what happens once in a flight leaves its objects
         first = after(10)
         # One number kept per period would be 28 bytes.
         assert after(1000) - first < 28 * 500
@@ -118,15 +118,15 @@ def test_resets_with_steps_between_keep_memory_flat():
 def test_rendered_episodes_share_one_context():
     env = gym.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"], render_mode="rgb_array")
     try:
-        for seed in range(10):
+        memory, before = [], {}
+        for seed in range(30):
             env.reset(seed=seed)
             assert env.render().any()
-        before, memory = held(), resident()
-        for seed in range(20):
-            env.reset(seed=seed)
-            env.render()
+            memory.append(resident())
+            before = held() if seed == 9 else before
         assert held() == before
-        assert resident() - memory < 4 * NOISE
+        # The driver holds some 40 MB more or less from one context to the next; a context that stays takes as much each time.
+        assert min(memory[20:]) - max(memory[:10]) < 4 * NOISE
     finally:
         env.close()
 

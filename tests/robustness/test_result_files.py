@@ -116,7 +116,7 @@ def test_policies_are_refused_in_one_line_or_act(tmp_path):
 
 def test_sightings_are_refused_in_one_line_or_read(tmp_path):
     arrays = {
-        "sees": np.eye(3, 4, dtype=bool), "area": np.ones(4), "delta_v": np.ones(3), "candidates": np.ones((3, 4)),
+        "sees": np.eye(3, 4, dtype=bool), "area": np.ones(4), "delta_v": np.ones(3), "candidates": np.ones((3, 5)),
         "history_plain": np.ones((5, 3)),
     }  # fmt: skip
     assert arrays.keys() < SIGHTINGS.keys()
