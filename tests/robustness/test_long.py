@@ -118,15 +118,16 @@ def test_resets_with_steps_between_keep_memory_flat():
 def test_rendered_episodes_share_one_context():
     env = gym.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"], render_mode="rgb_array")
     try:
-        memory, before = [], {}
-        for seed in range(30):
+        for seed in range(10):
             env.reset(seed=seed)
             assert env.render().any()
-            memory.append(resident())
-            before = held() if seed == 9 else before
+        before, memory = held(), resident()
+        for seed in range(20):
+            env.reset(seed=seed)
+            env.render()
         assert held() == before
-        # The driver holds some 40 MB more or less from one context to the next; a context that stays takes as much each time.
-        assert min(memory[20:]) - max(memory[:10]) < 4 * NOISE
+        # One context holds 64 MB, and the driver some 40 MB more or less from one to the next.
+        assert resident() - memory < 2**27
     finally:
         env.close()
 
