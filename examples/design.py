@@ -2,8 +2,8 @@
 
 import swarm_mj as sm
 
-# A narrow camera, and only the picture at the instant of the visit counts.
-problem = sm.load("eros-quick", {"camera.half_angle_deg": 5, "observation.criterion": "visit"})
+# A narrow camera, and only the picture at the instant of the arrival counts.
+problem = sm.load("eros-quick", {"camera.half_angle_deg": 5, "observation.criterion": "arrival"})
 design = sm.design(problem)
 print(design)
 print(design.table.drop(columns="seconds").to_string())

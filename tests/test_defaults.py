@@ -16,7 +16,7 @@ from swarm_mj.smallbody.rotation import Rotation, sub_point
 
 def test_schema_and_library_share_the_default_epoch_orbit_and_rotation():
     assert Scenario.model_fields["epoch"].default == DEFAULT_EPOCH
-    # eros-approach has its visit at the same instant, but begins earlier.
+    # eros-approach has its arrival at the same instant, but begins earlier.
     names = [name for name in packaged_names() if name.startswith("eros-") and name != "eros-approach"]
     assert all(load_scenario(name).epoch == DEFAULT_EPOCH for name in names)
     orbit = HeliocentricOrbit()

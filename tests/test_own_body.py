@@ -82,7 +82,7 @@ def test_point_numbers_of_a_design_for_eros_are_not_taken_for_those_of_another_b
     (tmp_path / "mine.yaml").write_text(
         "name: mine\nbody: {shape: mine.obj, gravity: {model: point_mass, parameters: {gm: 280000}}}\n"
         "design: {reference: eros-visit}\nbehavior: {name: adaptable_roles}\nphysics: {timestep_s: 0.5}\n"
-        "camera: {half_angle_deg: 4.1, resolution_px: 128}\nobservation: {criterion: visit, interval_s: 600}\n"
+        "camera: {half_angle_deg: 4.1, resolution_px: 128}\nobservation: {criterion: arrival, interval_s: 600}\n"
     )
     out = ["--quiet", "--no-figures", "--no-report", "--out", str(tmp_path / "o")]
     assert main(["fly", str(tmp_path / "mine.yaml"), *out]) == 0

@@ -48,7 +48,7 @@ class Draw:
     """What an episode draws, from which ranges; all uniform unless said otherwise.
 
     Attributes:
-        start_s: Latest beginning after the visit [s].
+        start_s: Latest beginning after the arrival [s].
         drift_m_s: Spread of each component of each spacecraft's departure from the plan, normal [m/s].
         charge: Least charge at the beginning, of the capacity; the most is 1.
         products: Least number of data products; the most is the argument `products`.

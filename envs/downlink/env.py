@@ -67,7 +67,7 @@ class SwarmDownlinkEnv(BatchEnv):
     | table | shape | columns |
     |---|---|---|
     | spacecraft | (n, 8 + n) | charge over capacity; data over `storage_bit`; what panels bring in this slot facing the \
-Sun, and facing Earth, over what they bring in full light at the visit; what Earth hears in this slot over the best; dish \
+Sun, and facing Earth, over what they bring in full light at the arrival; what Earth hears in this slot over the best; dish \
 at Earth; obeys nobody since its battery was empty; not lost; what it can send to spacecraft 1 to n over the best |
     | products | (K, 5 + n) | open (else all are 0); K times its share of the value; bits missing on Earth over the largest \
 size; time until it expires over the horizon; share on Earth; share aboard spacecraft 1 to n |
@@ -87,13 +87,13 @@ over the horizon; value on Earth |
 
     ## Starting state, and what is drawn
 
-    The plan's own trajectories after the visit, from the force model of the scenario. Drawn for each episode from a flight
+    The plan's own trajectories after the arrival, from the force model of the scenario. Drawn for each episode from a flight
     seed (`options={"flight_seed": k}`, else from `self.np_random`; told in `info["flight_seed"]`), by ranges that the
     argument `draw` replaces by name:
 
     | name | default | what |
     |---|---|---|
-    | start_s | 21600 | latest beginning after the visit; the earliest is the visit [s] |
+    | start_s | 21600 | latest beginning after the arrival; the earliest is the arrival [s] |
     | drift_m_s | 1 | spread of each spacecraft's departure from the plan, each component, normal [m/s] |
     | charge | 0.3 | least charge; the most is 1 |
     | products | 12 | least number of products; the most is K |
@@ -106,7 +106,7 @@ over the horizon; value on Earth |
     | radio_fails, panel_fails, lost | 0.2, 0.2, 0.05 | probability for each spacecraft: its radio to Earth, one of its two \
 panels, all of it |
 
-    and the hour of the day at which the visit falls, which decides which stations see the body when.
+    and the hour of the day at which the arrival falls, which decides which stations see the body when.
 
     ## Info
 

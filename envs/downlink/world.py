@@ -1,4 +1,4 @@
-"""What episodes of SwarmDownlink-v0 draw from: paths after a visit, contacts by `swarm_mj.dataflow`, sunlight, products."""
+"""What episodes of SwarmDownlink-v0 draw from: paths after an arrival, contacts by `swarm_mj.dataflow`, sunlight, products."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Paths(NamedTuple):
 
 
 class DownlinkTask:
-    """One mission after its visit; made once, never changed.
+    """One mission after its arrival; made once, never changed.
 
     Args:
         config: The environment's arguments.
@@ -90,9 +90,9 @@ class DownlinkTask:
         n: Spacecraft.
         access: How they share the crosslink.
         half_duplex: Whether a spacecraft on it sends or hears, but never both at once.
-        best_earth_bit: Most that Earth hears of one spacecraft in a slot at the visit's distance [bit].
+        best_earth_bit: Most that Earth hears of one spacecraft in a slot at the arrival's distance [bit].
         best_swarm_bit: Most that a crosslink carries in a slot [bit].
-        full_sun_J: What panels that face the Sun bring in a slot at the visit's distance.
+        full_sun_J: What panels that face the Sun bring in a slot at the arrival's distance.
 
     Raises:
         ScenarioError: An argument does not fit the scenario.
@@ -113,11 +113,11 @@ class DownlinkTask:
         self.half_duplex = radio_from(given.link.crosslink, "link.crosslink").duplex == "half"
         self._radios = radios_from(given.link, antennas_from(given).beams)
         self._body, self._draw, self._power = occluder_of(self.plan.shape), config.draws, config.powers
-        self._visit_s = float(self.plan.deployment.arrival_s.max())
+        self._arrival_s = float(self.plan.deployment.arrival_s.max())
         self._paths = self._plan_paths()
         self.best_swarm_bit = float(self._radios.swarm.rate_bit_s[0]) * config.step_s
         self.best_earth_bit = self._best_earth_rate() * config.step_s
-        self.full_sun_J = float(self._full_sun_J(np.array([self._visit_s]))[0])
+        self.full_sun_J = float(self._full_sun_J(np.array([self._arrival_s]))[0])
 
     @property
     def fingerprint(self) -> str:
@@ -143,13 +143,13 @@ class DownlinkTask:
         return DownlinkConditions(capacity_bit, sun_J, earth_J, seen, lost_slot, charge_J, *products)
 
     def draw_paths(self, rng: np.random.Generator) -> Paths:
-        """The plan's paths from a drawn time after the visit on, each spacecraft drifting off by a drawn velocity."""
+        """The plan's paths from a drawn time after the arrival on, each spacecraft drifting off by a drawn velocity."""
         config, draw = self.config, self._draw
         first = int(rng.integers(int(draw.start_s / config.step_s) + 1)) * PER_SLOT
         drift = rng.normal(0.0, 1.0, (self.n, 3)) * draw.drift_m_s
         part = slice(first, first + config.slots * PER_SLOT)
         t, r_N, earth_N = (array[part] for array in self._paths)
-        return Paths(t, r_N + drift * (t - self._visit_s)[:, None, None], earth_N)
+        return Paths(t, r_N + drift * (t - self._arrival_s)[:, None, None], earth_N)
 
     def contacts(self, paths: Paths, allotted: Mask, turn_s: float = 0.0) -> tuple[Contacts, Ints]:
         """What `dataflow` says the links carry, every spacecraft with its dish at Earth, and the station at each sample.
@@ -209,7 +209,7 @@ class DownlinkTask:
     def _plan_paths(self) -> Paths:
         plan, config = self.plan, self.config
         slots = config.slots + int(self._draw.start_s / config.step_s)
-        t = self._visit_s + samples_of(config.step_s * np.arange(slots + 1.0), PER_SLOT).ravel()
+        t = self._arrival_s + samples_of(config.step_s * np.arange(slots + 1.0), PER_SLOT).ravel()
         leaves = float(plan.deployment.release_s.max())
         r0_N, v0_N = plan.deployment.release_r_N, plan.deployment.v0_N
         r_N = propagate(plan.environment.acceleration_N, r0_N, v0_N, np.concatenate(([leaves], t)), rtol=RTOL)[0][1:]
@@ -221,7 +221,7 @@ class DownlinkTask:
         best = max((float(fits[0]) for fits in rates if len(fits)), default=0.0)
         if not best > 0.0:
             raise ScenarioError(
-                "link.earth: no station of link.ground hears it over the distance of the visit; allowed are radios that some "
+                "link.earth: no station of link.ground hears it over the distance of the arrival; allowed are radios that some "
                 "station hears; raise link.earth.power_w or gain_dbi"
             )
         return best

@@ -23,7 +23,7 @@ LATITUDES_DEG = (-15, 15)
 MOST_HALF_ANGLE_DEG = 25.0
 #: Width of the camera's picture over that of a patch.
 PICTURE_OVER_PATCH = (1.0, 1.15, 1.3)
-#: Headings that differ from the rule, by which the swarm would hit the body after its visit [deg].
+#: Headings that differ from the rule, by which the swarm would hit the body after its arrival [deg].
 TURNED_DEG = {"itokawa-test-2": 180.0}
 #: How many missions an environment flies by default: of each body two.
 DEFAULT_COUNT = 8

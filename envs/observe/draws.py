@@ -73,7 +73,7 @@ class EpisodeDraw(NamedTuple):
         sun_azimuth: From north over east [rad].
         visiting_point: Place in the list of the mission's visiting points, 0 to 1, shape (n,).
         altitude: Over the imaging altitude, shape (n,).
-        release_error: Of the place at the visit, over the imaging altitude, shape (n, 3).
+        release_error: Of the place at the arrival, over the imaging altitude, shape (n, 3).
         sigma_BN: Attitudes at release, MRP, shape (n, 3); NaN where a scenario draws its own.
         omega_BN_B: Rates at release, shape (n, 3) [rad/s]; NaN as there.
         fails: When spacecraft are lost, cameras go off, and links to Earth go off, as a share of the flight; infinite for

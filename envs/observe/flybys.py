@@ -1,7 +1,7 @@
 """The flybys of the catalogue as scenarios, and the ways that lead past their targets.
 
-Lengths go with the imaging altitude H, times are the same for all: a swarm is let go 3 1/3 H before the target, passes over it
-200 s later with H / 60 s, and has 400 s more. So a body of 250 m and one of 60 km look alike.
+Lengths go with the imaging altitude H, times are the same for all: a swarm is released 3 1/3 H before the target, passes over
+it 200 s later with H / 60 s, and has 400 s more. So a body of 250 m and one of 60 km look alike.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ REACH = 1.25
 #: Volume of a flat target of that width from the imaging altitude, which compression is set for [bit], and rates [bit/s]: 250 s
 #: to send it to Earth.
 NOMINAL_BIT, EARTH_BIT_S, SWARM_BIT_S = 2e6, 8e3, 1e5
-#: Where Earth stands above the target's horizon at the visit, as nearly as the place allows [deg].
+#: Where Earth stands above the target's horizon at the arrival, as nearly as the place allows [deg].
 EARTH_ELEVATION_DEG = 40.0
 #: Raise when the meaning of a stored table changes.
 TABLE_VERSION = 1
@@ -64,13 +64,13 @@ def release_velocities(v0_N: Array, which: Ints, altitude: Array, speed: float, 
     Args:
         v0_N: The table, shape (P, altitudes, 3) [m/s].
         which: Points of it, shape (n,).
-        altitude: Of the visits over the imaging altitude, shape (n,).
+        altitude: Of the arrivals over the imaging altitude, shape (n,).
         speed: Over that of the mission.
-        r0_N: Where all are let go, shape (3,) [m].
+        r0_N: Where all are released, shape (3,) [m].
         spin_N: Of the body, shape (3,) [rad/s].
     """
     a, b, c = ALTITUDES
-    found, visit_s = np.empty((which.shape[0], 3)), TIME_OF_FLIGHT_S / speed
+    found, arrival_s = np.empty((which.shape[0], 3)), TIME_OF_FLIGHT_S / speed
     start_N, spin = (r0_N[0], r0_N[1], r0_N[2]), (spin_N[0], spin_N[1], spin_N[2])
     for j in range(which.shape[0]):
         x, rows = altitude[j], v0_N[which[j]]
@@ -81,9 +81,9 @@ def release_velocities(v0_N: Array, which: Ints, altitude: Array, speed: float, 
         for k in range(3):
             found[j, k] = first * rows[0, k] + second * rows[1, k] + third * rows[2, k]
         v = vector(found, j)
-        turned_N = scaled(visit_s - TIME_OF_FLIGHT_S, cross(spin, combine(1.0, start_N, TIME_OF_FLIGHT_S, v)))
+        turned_N = scaled(arrival_s - TIME_OF_FLIGHT_S, cross(spin, combine(1.0, start_N, TIME_OF_FLIGHT_S, v)))
         for k in range(3):
-            found[j, k] = speed * v[k] + turned_N[k] / visit_s
+            found[j, k] = speed * v[k] + turned_N[k] / arrival_s
     return found
 
 
@@ -181,7 +181,7 @@ def _target(spec: MissionSpec, half_angle_deg: float, cell_size_m: float | None)
 
 
 def _epoch(scenario: Scenario, up: Array) -> str:
-    """When the swarm is let go so that Earth stands as high over the target at the visit as it should, as nearly as it does."""
+    """When the swarm is released so that Earth stands as high over the target at the arrival as it should, or nearly."""
     around = epoch_state(scenario)
     best, found = np.inf, 0.0
     for k in range(72):

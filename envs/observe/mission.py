@@ -139,7 +139,7 @@ class Mission:
 
     @cached_property
     def is_due(self) -> Mask:
-        """Whether pictures that count are taken, by control instant, counted from 0, shape (last_tick + 1,)."""
+        """Whether qualifying images are taken, by control instant, counted from 0, shape (last_tick + 1,)."""
         scenario = self.plan.scenario
         return schedule_from(scenario, scenario.control.period_s).due(np.arange(self.last_tick + 1))
 
@@ -150,7 +150,7 @@ class Mission:
 
     @cached_property
     def is_stop(self) -> Mask:
-        """Whether links are judged, by control instant: at pictures, and as often where there are but those of the visits."""
+        """Whether links are judged, by control instant: at pictures, and as often where there are but those of the arrivals."""
         return self.is_due | (np.arange(self.last_tick + 1) % round(self.interval_s / self.period_s) == 0)
 
     @cached_property
@@ -233,7 +233,7 @@ class Mission:
         return np.asarray(lit_cells(self.observer, self.criterion, environment.C_AN(t) @ environment.sun.at(t)))
 
     def possible_area(self, target: Mask, present: int, start: InitialState | None = None) -> float:
-        """Area that the swarm can see as it was let go, if nothing fails, at least `LEAST_POSSIBLE` of the target [m^2].
+        """Area that the swarm can see as it was released, if nothing fails, at least `LEAST_POSSIBLE` of the target [m^2].
 
         Args:
             target: Cells that can count, shape (C,).

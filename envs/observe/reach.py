@@ -28,7 +28,7 @@ def cells_in_reach(
     Args:
         scene: Cells and limits.
         body: How it turns.
-        r_N: Where the spacecraft are let go, shape (n, 3) [m].
+        r_N: Where the spacecraft are released, shape (n, 3) [m].
         v_N: How fast, shape (n, 3) [m/s].
         duration_s: Of the flight [s].
         interval_s: Between pictures [s].

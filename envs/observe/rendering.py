@@ -27,7 +27,7 @@ from .rewards import measures
 
 
 def lit_plan(episodes: Episodes, e: int) -> Plan:
-    """The plan of episode e, with the Sun that was drawn for it where it is at the visit."""
+    """The plan of episode e, with the Sun that was drawn for it where it is at the arrival."""
     mission, draw = episodes.mission_of(e), episodes.draws[e]
     assert draw is not None
     plan = mission.plan

@@ -50,7 +50,7 @@ class SwarmObserveEnv(BatchEnv):
 
     `catalogue.CATALOGUE` names 64: sixteen places on each of Eros, Bennu, Itokawa and an ellipsoid the size of 21 Lutetia.
     Places within 40 deg of longitude 0 are for training, those within 20 deg of 180 deg for tests; no part of a body belongs
-    to both. Lengths go with the imaging altitude H, times are the same for all: let go 3 1/3 H ahead, over the target 200 s
+    to both. Lengths go with the imaging altitude H, times are the same for all: released 3 1/3 H ahead, over the target 200 s
     later at H / 60 s, 600 s in all. Cameras see about a patch at a time. A picture is taken every 10 s; cells count by the
     project's default criterion (half of it in view; Sun at most 85 deg and camera at most 80 deg from its normal, not in the
     body's shadow; four pixels) where the ground sampling distance is at most 1.25 times that straight down from H. Spacecraft
@@ -89,7 +89,7 @@ class SwarmObserveEnv(BatchEnv):
     | sun_elevation_deg, sun_azimuth_deg | 5 to 50, any | 0 to 90, -360 to 360 | of the Sun over the target, from north over \
 east, for the whole flight; dark and shadowed cells do not count |
     | visiting_point | 0 to 1 | 0 to 1 | which of the points that the trajectory designer offers, for each spacecraft |
-    | altitude | 0.75 to 1.15 | 0.75 to 1.25 | of the visit, over H, for each |
+    | altitude | 0.75 to 1.15 | 0.75 to 1.25 | of the arrival, over H, for each |
     | release_error | normal, 0.06 | -1 to 1 | of the velocity, over H / 200 s: of the place 200 s later, over H; three \
 numbers for each |
     | attitude_mrp, rate_rad_s | -1 to 1, -0.02 to 0.02 | -1 to 1, -0.2 to 0.2 | at release, three numbers for each |
@@ -170,8 +170,8 @@ the body and of its horizons, link budget |
     | seen | 1 | dA / A: area of the cells seen for the first time over what is possible |
     | delivered | 1 | dD / D: bits that Earth received over the volume of what is possible; in `sm.fly` delivered is area |
 
-    Possible, A, are the lit cells that some spacecraft passes within reach as the swarm was let go, if nothing fails (at least
-    a fifth of the target), and D their data straight down from H. Failures are left out of them: otherwise what a step brings
+    Possible, A, are the lit cells that some spacecraft passes within reach as the swarm was released, if nothing fails (at
+    least a fifth of the target), and D their data straight down from H. Failures are left out of them: otherwise what a step brings
     would tell, by what it is divided by, who will fail. An episode in which much fails brings less, as a mission does. To see
     all of what is possible brings 1, and to deliver it 1 where every cell was pictured straight down from H: pictures from
     below H hold more, those from afar or aslant less. The leaderboard (docs/results/leaderboard.md) has a bound for each

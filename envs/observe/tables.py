@@ -102,7 +102,7 @@ class EpisodeSheet(NamedTuple):
     """What was drawn for E episodes, and what follows from it.
 
     Attributes:
-        possible_area: What the swarm can see as it was let go, if nothing fails, shape (E,) [m^2].
+        possible_area: What the swarm can see as it was released, if nothing fails, shape (E,) [m^2].
         possible_bit: Its data straight down from the imaging altitude, shape (E,) [bit].
         complete_area: From which on all is seen, shape (E,) [m^2].
         sun_A: Direction of the Sun where it was drawn, shape (E, 3).

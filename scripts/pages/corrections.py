@@ -29,17 +29,21 @@ MISSIONS: tuple[tuple[str, tuple[float, float], tuple[str, ...]], ...] = (
     (
         "eros-config1",
         (5.0, 0.01),
-        ("[{after_release_s: 60}]", "[{before_visit_s: 120}]", "[{after_release_s: 60}, {before_visit_s: 120}]"),
+        ("[{after_release_s: 60}]", "[{before_arrival_s: 120}]", "[{after_release_s: 60}, {before_arrival_s: 120}]"),
     ),
     (
         "bennu-slow",
         (2.0, 0.005),
-        ("[{after_release_s: 60}]", "[{before_visit_s: 120}]", "[{after_release_s: 60}, {before_visit_s: 120}]"),
+        ("[{after_release_s: 60}]", "[{before_arrival_s: 120}]", "[{after_release_s: 60}, {before_arrival_s: 120}]"),
     ),
     (
         "fast-flyby",
         (50.0, 0.01),
-        ("[{after_release_s: 3600}]", "[{before_visit_s: 7200}]", "[{after_release_s: 3600}, {before_visit_s: 7200}]"),
+        (
+            "[{after_release_s: 3600}]",
+            "[{before_arrival_s: 7200}]",
+            "[{after_release_s: 3600}, {before_arrival_s: 7200}]",
+        ),
     ),
 )
 RUNS, FLIGHTS = 1000, 20
@@ -55,7 +59,7 @@ spacecraft: {{thrusters: {{}}}}                # the defaults: 55 mN, 65 s, 0.2 
 trajectory:
   corrections:                              # of every spacecraft
     - {{after_release_s: 60}}
-    - {{before_visit_s: 120}}
+    - {{before_arrival_s: 120}}
 navigation: {{position_m: 5, velocity_m_s: 0.01}}   # what a spacecraft knows of itself then, 1 sigma
 dispersions:
   deployment_velocity_m_s: 0.1
@@ -65,18 +69,18 @@ dispersions:
 
 `dispersions.mothership_position_m` and `mothership_velocity_m_s` are errors that all spacecraft share. All errors are
 normal, have mean zero and come from the scenario's seed. Times are whole multiples of `control.period_s`; a correction
-lies between release and visit.
+lies between release and arrival.
 
 ## Before the flight: `swarm-mj navigate`
 
 ```sh
-swarm-mj navigate my.yaml                 # a table of the visit, from linear covariance, in seconds
+swarm-mj navigate my.yaml                 # a table of the arrival, from linear covariance, in seconds
 swarm-mj navigate my.yaml --runs 1000     # checked by 1,000 flights under all forces
 ```
 
 ```python
 found = sm.navigate("my.yaml", runs=1000)
-found.table  # spread at the visit, burns, camera: one row a spacecraft and number of corrections flown
+found.table  # spread at the arrival, burns, camera: one row a spacecraft and number of corrections flown
 found.covariance_N  # (corrections + 1, spacecraft, 3, 3); covariance_RTS: outward, across, along the flight
 found.delta_v  # of all corrections together
 found.agreement  # covariance and flights side by side
@@ -126,7 +130,7 @@ of several spacecraft is taken.
 def missions() -> tuple[str, list[Navigation]]:
     """The table of all missions and corrections, and those with two corrections, checked by flights."""
     lines = [
-        "| scenario | knows [m, m/s] | corrections | 3 sigma at the visit [m] | burns, mean and 99 % [m/s] | in camera [%] |",
+        "| scenario | knows [m, m/s] | corrections | 3 sigma at the arrival [m] | burns, mean and 99 % [m/s] | in camera [%] |",
         "|---|---|---|---|---|---|",
     ]
     checked = []
@@ -180,7 +184,7 @@ def checks(found: Sequence[Navigation]) -> str:
 def flights(found: Navigation) -> str:
     """What whole flights of a mission missed by and burnt, beside what covariance says."""
     plan, covariance = found.found.plan, found.covariance_N[-1]
-    off, burnt = map(np.array, zip(*(flown_to_the_visit(plan, seed) for seed in range(FLIGHTS)), strict=True))
+    off, burnt = map(np.array, zip(*(flown_to_the_arrival(plan, seed) for seed in range(FLIGHTS)), strict=True))
     # Each in the unit of its own covariance, so that all are draws of one distribution.
     white = np.linalg.solve(np.linalg.cholesky(covariance), off[..., None])[..., 0].reshape(-1, 3)
     rms, expected = np.sqrt((off**2).sum(axis=2).mean()), np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean())
@@ -193,8 +197,8 @@ def flights(found: Navigation) -> str:
     )
 
 
-def flown_to_the_visit(plan: Plan, seed: int) -> tuple[Array, Array]:
-    """How far each spacecraft is from its visiting point at the visit (n, 3) [m], and what it burnt (n,) [m/s]."""
+def flown_to_the_arrival(plan: Plan, seed: int) -> tuple[Array, Array]:
+    """How far each spacecraft is from its visiting point at the arrival (n, 3) [m], and what it burnt (n,) [m/s]."""
     simulation = make_simulation(replace(plan, scenario=plan.scenario.model_copy(update={"seed": seed})))
     while simulation.time < plan.scenario.design.time_of_flight_s - 1e-6:
         simulation.step()

@@ -28,7 +28,7 @@ COMMANDS = {
         "--set",
         "dispersions.deployment_velocity_m_s=0.1",
         "--set",
-        "trajectory.corrections=[{after_release_s: 60}, {before_visit_s: 120}]",
+        "trajectory.corrections=[{after_release_s: 60}, {before_arrival_s: 120}]",
     ),
     "eros-formation": (
         "fly",

@@ -191,7 +191,9 @@ def draw(learned: dict[str, Learned], lines: dict[str, float]) -> None:
         ax.plot(steps, [one.mean for one in found], color=colour, linewidth=2, label=words)
     colours = (palette.LIGHT_GREY, palette.GREY, palette.DARK_GREY, "black", palette.PURPLE)
     for name, colour in zip(LINES, colours, strict=True):
-        ax.axhline(lines[name], color=colour, linewidth=1.2, linestyle=style.VISIT_DASHES, label=name.replace("_", " "))
+        ax.axhline(
+            lines[name], color=colour, linewidth=1.2, linestyle=style.ARRIVAL_DASHES, label=name.replace("_", " ")
+        )
     style.tidy(ax)
     style.label(ax, x="decisions [thousand]", y="score of an episode [-]")
     ax.set_xlim(0.0, max((runs.steps[-1] for runs in learned.values()), default=1.0) / 1e3)

@@ -55,10 +55,10 @@ CASES: tuple[tuple[str, str, dict[str, Any]], ...] = (
 
 TEXT = """# From pixel to Earth
 
-`swarm-mj fly` follows every picture that counts to the ground: how many bits it is, who holds it, which radio can send it
+`swarm-mj fly` follows every qualifying image to the ground: how many bits it is, who holds it, which radio can send it
 where, and when the last bit of it is on Earth. This page is written by `python -m scripts.pages.pixel_to_earth`, which
 flies `eros-config1` and `eros-config2`, the package's readings of the paper's two configurations (camera of 4.1 deg
-half-angle, the instant of the visit alone), and sends what they saw in different ways.
+half-angle, the instant of the arrival alone), and sends what they saw in different ways.
 
 {first}
 
@@ -86,7 +86,7 @@ so that light takes {light_min:.1f} minutes.
 
 ## What arrives
 
-All numbers include light time and are past the deployment; the visit is at 600 s and the flight ends at 1,200 s. "Alone" is
+All numbers include light time and are past the deployment; the arrival is at 600 s and the flight ends at 1,200 s. "Alone" is
 what the swarm delivers by itself (nearest relay, finest copy, most area per bit first, knowing only links that are closed
 now); "at most" is the bound of a linear program over all schedules, from its dual prices, whichever copies they send; no
 schedule delivers more than was seen.

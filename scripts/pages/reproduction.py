@@ -94,30 +94,30 @@ def readings() -> list[tuple[str, list[Reading]]]:
     emissions = (60.0, 45.0, 40.0, 35.0, 34.0, 32.0, 31.5, 31.0, 30.0)
     resolutions = (15.0, 13.0, 12.5, 11.5, 11.25, 11.2, 11.1, 11.0, 10.0)
     whole = (21.5, 8.0, 7.5, 7.0, 6.0, 5.25, 5.0, 4.75, 4.65, 4.5, 4.1)
-    scopes = ("passage", "visit")
+    scopes = ("passage", "arrival")
     return [
         ("Whole passage, by half-angle", [Reading("passage", a) for a in (*angles, 2.0, 1.75, 1.65, 1.6, 1.5)]),
-        ("Instant of the visit, by half-angle", [Reading("visit", a) for a in angles]),
+        ("Instant of the arrival, by half-angle", [Reading("arrival", a) for a in angles]),
         ("Limit on the emission angle", [Reading(s, emission_deg=e) for s in scopes for e in emissions]),
         ("Limit on the ground sampling distance", [Reading(s, gsd_cm=g) for s in scopes for g in resolutions]),
         (
-            "Both limits at the visit",
+            "Both limits at the arrival",
             [
-                Reading("visit", emission_deg=e, gsd_cm=g)
+                Reading("arrival", emission_deg=e, gsd_cm=g)
                 for e, g in ((34.0, 11.25), (34.0, 11.5), (32.0, 11.5), (32.0, 12.5))
             ],
         ),
         (
             "Part of a face that must be seen: any pixel or half",
-            [Reading("visit", a, part=p) for a in (7.5, 7.0, 6.0, 5.0, 4.1) for p in ("any pixel", "half")],
+            [Reading("arrival", a, part=p) for a in (7.5, 7.0, 6.0, 5.0, 4.1) for p in ("any pixel", "half")],
         ),
         (
             "Part of a face that must be seen: the whole",
-            [Reading("passage", part="whole"), *(Reading("visit", a, part="whole") for a in whole)],
+            [Reading("passage", part="whole"), *(Reading("arrival", a, part="whole") for a in whole)],
         ),
         (
-            "Field of view, at the visit",
-            [Reading("visit", a, field=f) for a in (5.0, 4.5, 4.25, 4.1, 4.0) for f in ("square", "cone")],
+            "Field of view, at the arrival",
+            [Reading("arrival", a, field=f) for a in (5.0, 4.5, 4.25, 4.1, 4.0) for f in ("square", "cone")],
         ),
         (
             "Without occlusion, as the paper culls and clips",
@@ -128,12 +128,12 @@ def readings() -> list[tuple[str, list[Reading]]]:
             [
                 Reading(s, a, **told)  # type: ignore[arg-type]
                 for told in ({"edges": "side"}, {"projection": "normal"})
-                for s, a in (("passage", 21.5), ("visit", 21.5), ("visit", 4.1))
+                for s, a in (("passage", 21.5), ("arrival", 21.5), ("arrival", 4.1))
             ],
         ),
         (
-            "Cells instead of faces, at the visit",
-            [Reading("visit", 4.1, cell_size_m=size) for size in (600.0, "auto", 300.0, 150.0)],
+            "Cells instead of faces, at the arrival",
+            [Reading("arrival", 4.1, cell_size_m=size) for size in (600.0, "auto", 300.0, 150.0)],
         ),
     ]
 
@@ -265,13 +265,13 @@ its selected points 7, 25, 31, 34 and 38 name other places here.
 
 With the paper's 21.5 deg no reading in the tables gives five. Whole faces, side edges and points along the normal give one.
 Over the passage one suffices down to the tightest limit on the emission angle that was tried, 30 deg, and to a GSD of 11 cm;
-at the visit tighter limits raise the minimum to two or three before faces are left that no point sees. With a GSD of
+at the arrival tighter limits raise the minimum to two or three before faces are left that no point sees. With a GSD of
 10 cm, obliquity included, the target cannot be covered: all points together see 96.11 % of it over the passage and 32.55 %
-at the visit, and 99.9 % is asked for.
+at the arrival, and 99.9 % is asked for.
 
-In the tables five comes with a camera several times narrower: at the visit 4 to 4.25 deg where half a face suffices (a
+In the tables five comes with a camera several times narrower: at the arrival 4 to 4.25 deg where half a face suffices (a
 footprint 2.0 to 2.1 km wide; as *square* four at 4.25 deg) and 4.75 to 5 deg where the whole face is asked for (2.3 to
-2.45 km); over the passage 1.65 deg (0.8 km). None of these is stated by the paper. `eros-config1` and `eros-config2` take the visit, after which the paper names its points, half a face, and
+2.45 km); over the passage 1.65 deg (0.8 km). None of these is stated by the paper. `eros-config1` and `eros-config2` take the arrival, after which the paper names its points, half a face, and
 4.1 deg: a choice made here because it gives five, not the paper's camera. Five is a property of that choice and of this mesh:
 cut into cells of 300 m, of 150 m or of a sixth of the footprint (`auto`) instead of faces, the target needs six, and so do
 coarser meshes ([convergence](convergence.md)). `eros-literal` keeps the literal reading.

@@ -170,8 +170,8 @@ def compose_losses(found: list[Degradation]) -> Figure:
         tidy(ax)
     left.set_ylim(None, 101.0)
     right.set_ylim(-3.0, 103.0)
-    label(left, "observers lost before the visit [-]", "mean observed share of the target [%]")
-    label(right, "observers lost before the visit [-]", "flights that see the whole target [%]")
+    label(left, "observers lost before the arrival [-]", "mean observed share of the target [%]")
+    label(right, "observers lost before the arrival [-]", "flights that see the whole target [%]")
     handles, names = left.get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=6, fontsize=TICK_PT, frameon=False)
     return figure
@@ -201,14 +201,14 @@ def overall_table(found: list[Degradation], summary: dict[str, Any]) -> list[str
     lines = [
         "| swarm | spacecraft | flights (failed) | P(whole target seen) [%] | exact, without dispersions [%] | "
         "observed area, mean [%] | exact [%] | 5th percentile [%] | delivered to Earth, mean [%] | "
-        "pointing error at the visit, 95th percentile [deg] |",
+        "pointing error at the arrival, 95th percentile [deg] |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for entry in found:
         part = summary["scenarios"][entry.name]
         outcomes = part["outcomes"]
         mean, fifth = outcomes["coverage_percent"]["mean"], outcomes["coverage_percent"]["quantiles"]["0.05"]
-        pointing = outcomes["pointing_error_deg_visit_max"]["quantiles"]["0.95"]
+        pointing = outcomes["pointing_error_deg_arrival_max"]["quantiles"]["0.95"]
         delivered = outcomes["delivered_percent"]["mean"]
         lines.append(
             f"| {entry.name} | {part['spacecraft']} | {part['finished']} ({part['failed']}) | "
@@ -224,16 +224,16 @@ def each_table(summary: dict[str, Any]) -> list[str]:
     """One line per kind of fault."""
     lines = [
         "| fault | flights (failed) | observed area, mean [%] | least [%] | delivered to Earth, mean [%] | "
-        "pointing error at the visit, worst [deg] | at the end, worst [deg] | links closed at the end, mean |",
+        "pointing error at the arrival, worst [deg] | at the end, worst [deg] | links closed at the end, mean |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for name, part in summary["scenarios"].items():
         outcomes = part["outcomes"]
         area = outcomes["coverage_percent"]
-        visit, final = (outcomes.get(f"pointing_error_deg_{when}_max") for when in ("visit", "final"))
+        arrival, final = (outcomes.get(f"pointing_error_deg_{when}_max") for when in ("arrival", "final"))
         lines.append(
             f"| {name} | {part['finished']} ({part['failed']}) | {area['mean']['value']:.2f} | {area['min']:.2f} | "
-            f"{outcomes['delivered_percent']['mean']['value']:.2f} | {short(visit)} | {short(final)} | "
+            f"{outcomes['delivered_percent']['mean']['value']:.2f} | {short(arrival)} | {short(final)} | "
             f"{outcomes['links_closed_final']['mean']['value']:.2f} |"
         )
     return lines
@@ -342,10 +342,10 @@ rows are Parquet files below `results/robustness`; every one can be flown again 
 
 The fewest observers that see the whole target leave nothing to spare. What is left of the observed area when spacecraft are
 lost on the way, and what does a design in which two spacecraft see every face gain? The packaged campaign `eros-losses`
-flies `eros-config1` and `eros-config2` (a camera of 4.1 deg and the visit alone, one reading of the paper:
+flies `eros-config1` and `eros-config2` (a camera of 4.1 deg and the arrival alone, one reading of the paper:
 [reproduction](reproduction.md)) {runs:,} times each, with the minimal design (five observers) and with the two-fold
 one (eleven, the proven minimum of `swarm-mj design eros-config1 --fold 2`). Each spacecraft is lost with a chance of 10 %,
-at a random time before the visit. Masses, inertias, wheel friction, deployment velocities, gravity, gyros and star trackers
+at a random time before the arrival. Masses, inertias, wheel friction, deployment velocities, gravity, gyros and star trackers
 are dispersed; the file gives the numbers. Steps are 0.5 s long, the observer is the one of constant time.
 
 ## Losses
@@ -364,7 +364,7 @@ spacecraft takes along what it has gathered; where the relay is lost, another on
 
 ![Distribution of the observed area](../images/robustness-coverage.png)
 
-![Distribution of the pointing error at the visit](../images/robustness-pointing.png)
+![Distribution of the pointing error at the arrival](../images/robustness-pointing.png)
 
 ## What the observed area depends on
 
@@ -381,7 +381,7 @@ interval wider than {widest:g}, it does not allow the index, and none is given. 
 
 Configuration 2 with the minimal design, {each_runs} flights each (campaign `eros-each-fault`). A flight with a fault ends with
 its result and its list of events, whatever happens. Pointing errors are those of spacecraft that still work. A relay that is
-lost after the visit takes along what the others had sent to it.
+lost after the arrival takes along what the others had sent to it.
 
 {each}
 """

@@ -87,7 +87,7 @@ class Flight:
         summary, points = self.summary, self.summary["visiting_points"]
         table = pd.DataFrame(
             {
-                "visits_point": pd.Series(dict(zip(self.plan.names, points, strict=False)), dtype="Int64"),
+                "arrivals_point": pd.Series(dict(zip(self.plan.names, points, strict=False)), dtype="Int64"),
                 "observed_percent": summary["coverage_percent_by_spacecraft"],
                 "delta_v_m_s": summary["deployment_delta_v_m_s"],
                 "pointing_error_deg": summary["pointing_error_deg_final"],
@@ -192,7 +192,7 @@ class Flight:
         span_s: tuple[float | None, float | None] | None = None,
         progress: Shown = None,
     ) -> Path:
-        """Make a film of the flight, or stills of its visit and end.
+        """Make a film of the flight, or stills of its arrival and end.
 
         Args:
             path: File that ends in .mp4 or .gif, or in .png for stills.

@@ -1,4 +1,4 @@
-"""How release, navigation and burns spread to the visit: `navigate`, by linear covariance and Monte Carlo."""
+"""How release, navigation and burns spread to the arrival: `navigate`, by linear covariance and Monte Carlo."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from swarm_mj.flight.plan import make_plan
 from swarm_mj.flight.trajectory_corrections import CorrectionAnalysis, analyse_corrections
 from swarm_mj.io.atomic import atomic_file
 from swarm_mj.io.progress import Shown, Stages, using_bars
-from swarm_mj.mission.covariance import sample_chance, visit_axes
+from swarm_mj.mission.covariance import arrival_axes, sample_chance
 from swarm_mj.mission.dispersed import DispersedFlights, fly_dispersed
 from swarm_mj.records.navigation import navigation_findings, navigation_rows, total_delta_v
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
@@ -31,7 +31,7 @@ DISAGREES = 0.001
 
 
 class Navigation:
-    """What errors of release, navigation and burns make of the visit.
+    """What errors of release, navigation and burns make of the arrival.
 
     Attributes:
         found: Plan, legs, errors and linear covariance, as arrays.
@@ -48,18 +48,18 @@ class Navigation:
 
     @property
     def covariance_N(self) -> Array:
-        """Of the position at the visit in N, with the first 0, 1, ..., m corrections flown, shape (m + 1, n, 3, 3) [m^2]."""
-        return self.found.spread.at_visit[..., :3, :3]
+        """Of the position at the arrival in N, with the first 0, 1, ..., m corrections flown, shape (m + 1, n, 3, 3) [m^2]."""
+        return self.found.spread.at_arrival[..., :3, :3]
 
     @property
     def covariance_RTS(self) -> Array:
-        """The same in the visit's axes: R outward, T across and S along the flight; see `mission.covariance.visit_axes`."""
-        axes = visit_axes(self.found.legs.r_N[:, -1], self.found.legs.v_N[:, -1])
+        """The same in the arrival's axes: R outward, T across and S along the flight; see `mission.covariance.arrival_axes`."""
+        axes = arrival_axes(self.found.legs.r_N[:, -1], self.found.legs.v_N[:, -1])
         return np.asarray(axes @ self.covariance_N @ axes.swapaxes(1, 2))
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """One row a spacecraft and number of corrections flown: spread at the visit [m], the last burn [m/s], the camera."""
+        """One row a spacecraft and number of corrections flown: spread at the arrival [m], the last burn [m/s], the camera."""
         return pd.DataFrame(navigation_rows(self.found)).set_index(["spacecraft", "corrections"])
 
     @cached_property
@@ -149,7 +149,7 @@ def navigate(
     runs: int = 0,
     progress: Shown = None,
 ) -> Navigation:
-    """Carry the covariance of release, navigation and burns through the corrections to the visit; nothing is flown in MuJoCo.
+    """Carry the covariance of release, navigation and burns through the corrections to the arrival; nothing is flown in MuJoCo.
 
     Args:
         scenario: What is to be flown, as `load` takes it.

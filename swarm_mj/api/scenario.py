@@ -32,7 +32,7 @@ SHOWN: dict[str, Callable[[schema.Scenario], str]] = {
     ),
     "observers visit points": lambda s: ", ".join(map(str, s.design.visiting_points)),
     "imaging altitude": lambda s: f"{s.design.imaging_altitude_m / 1e3:g} km",
-    "visit": lambda s: f"after {s.design.time_of_flight_s:g} s of {s.duration_s:g} s",
+    "arrival": lambda s: f"after {s.design.time_of_flight_s:g} s of {s.duration_s:g} s",
     "camera": lambda s: f"half-angle {s.camera.half_angle_deg:g}°, {s.camera.resolution_px} px",
     "counts as observed": lambda s: f"in the {s.observation.criterion}",
     "behaviour": lambda s: s.behavior.name,

@@ -21,7 +21,7 @@ from swarm_mj.campaigns.statistics import Estimate, mean, probability
 from swarm_mj.errors import ScenarioError
 from swarm_mj.figures.style import TICK_PT, label, new_figure, save, tidy
 from swarm_mj.io.atomic import write_text
-from swarm_mj.scenarios.itinerary import itinerary, visit_times
+from swarm_mj.scenarios.itinerary import arrival_times, itinerary
 from swarm_mj.scenarios.loading import NO_OVERRIDES
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array
@@ -49,7 +49,7 @@ DISPERSIONS = {"deployment_velocity_m_s": 0.05, "mass_percent": 1, "inertia_perc
 OF_MASSES = ("mass_percent", "inertia_percent")
 #: The same motion in less time, where the spacecraft is the packaged one with three wheels.
 QUICK = {"physics.stepper": "kernel"}
-#: From when on class 1 holds its formation at the latest, past the epoch [s]; earlier where the flight to the visit is short.
+#: From when on class 1 holds its formation at the latest, past the epoch [s]; earlier where the flight to the arrival is short.
 FORMED_S, FORMED_SHARE = 60.0, 0.1
 #: What is kept of every flight.
 RECORD = (
@@ -138,19 +138,19 @@ def _formed_s(base: Scenario) -> float:
     return max(min(FORMED_S, FORMED_SHARE * base.design.time_of_flight_s), *releases)
 
 
-def _visit_s(base: Scenario) -> float:
-    """The last visit."""
-    return float(visit_times(base).max())
+def _arrival_s(base: Scenario) -> float:
+    """The last arrival."""
+    return float(arrival_times(base).max())
 
 
 def _duration_s(base: Scenario) -> float:
     """Until pictures are over; the way of the data goes on after the flight."""
     step = base.observation.interval_s
-    return min(base.duration_s, float(np.ceil(OVER * _visit_s(base) / step)) * step)
+    return min(base.duration_s, float(np.ceil(OVER * _arrival_s(base) / step)) * step)
 
 
 def _losses(base: Scenario) -> dict[str, Any]:
-    between = [0.0, _visit_s(base)]
+    between = [0.0, _arrival_s(base)]
     return {"kind": "spacecraft_lost", "spacecraft": "all", "probability": 0.0, "between_s": between}
 
 

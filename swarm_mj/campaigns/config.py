@@ -14,7 +14,7 @@ from swarm_mj.scenarios.schema import Section
 RECORD = (
     "coverage_percent",
     "coverage_percent_passage",
-    "pointing_error_deg_visit.max",
+    "pointing_error_deg_arrival.max",
     "pointing_error_deg_p95",
     "pointing_error_deg_before_switch.max",
     "pointing_error_deg_final.max",

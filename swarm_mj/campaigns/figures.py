@@ -86,12 +86,12 @@ def compose_trade(resolved: Resolved, results: pa.Table, summary: dict[str, Any]
 
 
 def compose_pointing(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
-    """Distribution of the largest pointing error at the visit, with 95th percentiles and their intervals."""
-    name = "pointing_error_deg_visit_max"
+    """Distribution of the largest pointing error at the arrival, with 95th percentiles and their intervals."""
+    name = "pointing_error_deg_arrival_max"
     parts = _flown(resolved, results, name)
     if not parts:
         return None
-    parts, title = _shown(parts, f"Pointing error at the visit: {plain(resolved.campaign.name)}")
+    parts, title = _shown(parts, f"Pointing error at the arrival: {plain(resolved.campaign.name)}")
     figure = new_figure(4.4, title)
     ax = figure.add_subplot()
     for k, (scenario, values) in enumerate(parts.items()):

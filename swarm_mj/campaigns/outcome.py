@@ -3,7 +3,7 @@
 A name is a key of the summary (see `swarm_mj.records.summary`); where the key holds one number per spacecraft, `.max`, `.min`,
 `.mean` or `.sum` reduces them, and a spacecraft's name takes its own. A list counts. Besides the summary there are
 
-- `pointing_error_deg_visit`: by observer, at the instant of the visit;
+- `pointing_error_deg_arrival`: by observer, at the instant of the arrival;
 - `pointing_error_deg_p95`: 95th percentile over the flight and all spacecraft, slews included;
 - `formation_bits` and `formation_airtime_s`: what holding a formation took of messages; 0 without.
 
@@ -25,7 +25,7 @@ import xarray as xr
 from swarm_mj.campaigns.config import FIXED_COLUMNS, Campaign
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.downlink import deliver
-from swarm_mj.flight.observe import ObservationResult, visit_samples
+from swarm_mj.flight.observe import ObservationResult, arrival_samples
 from swarm_mj.flight.plan import Plan
 from swarm_mj.io.values import shown
 from swarm_mj.records.propulsion import KEYS as PROPULSION
@@ -38,7 +38,7 @@ REDUCTIONS: dict[str, Callable[[list[float]], Any]] = {
     "mean": np.mean,
     "sum": np.sum,
 }
-#: Numbers by spacecraft that mean nothing of one that was lost before the end; at the visit it may have worked.
+#: Numbers by spacecraft that mean nothing of one that was lost before the end; at the arrival it may have worked.
 LOST_WITH_THEIR_SPACECRAFT = ("pointing_error_deg_final", "pointing_error_deg_before_switch")
 
 
@@ -149,12 +149,12 @@ def _names(values: Mapping[str, Any]) -> list[str]:
 def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
     error_deg = np.degrees(telemetry["pointing_error"].values)
     error_deg = np.where(at_work(telemetry), error_deg, np.nan)
-    visit = error_deg[visit_samples(plan.scenario), np.arange(plan.n_observers)]
+    arrival = error_deg[arrival_samples(plan.scenario), np.arange(plan.n_observers)]
     finite = error_deg[np.isfinite(error_deg)]
     return {
-        "pointing_error_deg_visit": {
+        "pointing_error_deg_arrival": {
             name: float(e) if np.isfinite(e) else None
-            for name, e in zip(plan.names[: plan.n_observers], visit, strict=True)
+            for name, e in zip(plan.names[: plan.n_observers], arrival, strict=True)
         },
         "pointing_error_deg_p95": float(np.percentile(finite, 95.0)) if len(finite) else None,
     }

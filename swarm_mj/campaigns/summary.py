@@ -267,7 +267,7 @@ LINES = {
     "observed area, 5th percentile [%]": ("coverage_percent", "0.05"),
     "delivered to Earth, mean [%]": ("delivered_percent", "mean"),
     "delivered to Earth, 5th percentile [%]": ("delivered_percent", "0.05"),
-    "pointing error at the visit, 95th percentile [deg]": ("pointing_error_deg_visit_max", "0.95"),
+    "pointing error at the arrival, 95th percentile [deg]": ("pointing_error_deg_arrival_max", "0.95"),
     "wheel speed, 95th percentile [% of limit]": ("max_wheel_speed_fraction", "0.95"),
 }
 #: Outcomes that the table gives in percent, as that of a single run does.

@@ -57,7 +57,7 @@ def _table(found: Navigation) -> Table:
 
     # A unit in brackets would be taken for a style.
     # Broken by hand, so that it fits into 80 columns with no number cut or broken.
-    title = f"{found.scenario.name}: at the visit, after so many burns"
+    title = f"{found.scenario.name}: at the arrival, after so many burns"
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("", no_wrap=True)
     for name in ("burns", "at\n[s]", "3 sigma\n[m]", "99 %\n[m]", "sigma\nR T S\n[m]"):

@@ -43,7 +43,7 @@ def _add_video(commands: argparse._SubParsersAction) -> None:
         "--out",
         type=Path,
         metavar="FILE",
-        help=".mp4 or .gif, or .png for stills of the visit and the end (default: RUN_DIR/CAMERA.mp4)",
+        help=".mp4 or .gif, or .png for stills of the arrival and the end (default: RUN_DIR/CAMERA.mp4)",
     )
     for name, which in (("start", "first"), ("end", "last")):
         video.add_argument(

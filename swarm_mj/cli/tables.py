@@ -34,10 +34,12 @@ def results_table(summaries: Sequence[dict[str, Any]]) -> Table:
     table.add_column("")
     for summary in summaries:
         table.add_column(summary["scenario"], justify="right")
-    smeared = (
-        {"smear at the visit, median / worst [px]": _smeared} if any("smear_px_visit" in s for s in summaries) else {}
+    blurred = (
+        {"motion blur at the arrival, median / worst [px]": _blurred}
+        if any("motion_blur_px_arrival" in s for s in summaries)
+        else {}
     )
-    for label, cell in (_ROWS | smeared).items():
+    for label, cell in (_ROWS | blurred).items():
         table.add_row(escape(label), *(cell(summary) for summary in summaries))
     return table
 
@@ -55,8 +57,8 @@ def _sampled(summary: dict[str, Any]) -> str:
     return reached if required is None else f"{reached}; D {required:g}"
 
 
-def _smeared(summary: dict[str, Any]) -> str:
-    return _spread(summary.get("smear_px_visit", {}))
+def _blurred(summary: dict[str, Any]) -> str:
+    return _spread(summary.get("motion_blur_px_arrival", {}))
 
 
 def _delivered(summary: dict[str, Any]) -> str:
@@ -100,9 +102,9 @@ _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "GSD delivered, min / median / max [m]": lambda s: _spread(s.get("gsd_delivered_m", {})),
     "incidence of sunlight, min / median / max [deg]": lambda s: _spread(s["incidence_deg"]),
     "pointing error before a switch, at most [deg]": lambda s: _worst(s["pointing_error_deg_before_switch"]),
-    "pointing error at the visit, at most [deg]": lambda s: _worst(s.get("pointing_error_deg_visit", {})),
-    "sensors; attitude known at the visit, at worst to [deg]": lambda s: (
-        f"{s.get('sensors', '-')}; {_worst(s.get('attitude_knowledge_error_deg_visit', {}))}"
+    "pointing error at the arrival, at most [deg]": lambda s: _worst(s.get("pointing_error_deg_arrival", {})),
+    "sensors; attitude known at the arrival, at worst to [deg]": lambda s: (
+        f"{s.get('sensors', '-')}; {_worst(s.get('attitude_knowledge_error_deg_arrival', {}))}"
     ),
     "pointing error at the end, at most [deg]": lambda s: _worst(working(s, "pointing_error_deg_final")),
     "wheel speed, at most [% of limit]": lambda s: f"{100 * s['max_wheel_speed_fraction']:.0f}",

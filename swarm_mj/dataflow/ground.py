@@ -198,7 +198,7 @@ def earth_schedule(
         t: Past it, when it is sent [s], shape (t,).
         r_N: Where the spacecraft is, shape (t, 3) or (3,) [m].
         earth_N: Position of Earth, shape (t, 3) [m].
-        turn_s: By which Earth has turned on, for a visit at another hour of the day [s].
+        turn_s: By which Earth has turned on, for an arrival at another hour of the day [s].
     """
     stations = stations_from(ground)
     light_time_s = np.linalg.norm(earth_N, axis=1) / SPEED_OF_LIGHT

@@ -19,7 +19,7 @@ GOOD = 0.95
 
 
 def daylight_text(scenario: Scenario, region: TargetRegion) -> str:
-    """Epochs within a rotation from the scenario's on, or releases, with which most of the target is lit at the visit.
+    """Epochs within a rotation from the scenario's on, or releases, with which most of the target is lit at the arrival.
 
     Cast shadows are left out.
 
@@ -29,8 +29,8 @@ def daylight_text(scenario: Scenario, region: TargetRegion) -> str:
     """
     around = epoch_state(scenario)
     later_s = 2.0 * np.pi / abs(around.spin_rate) / STEPS * np.arange(2 * STEPS)
-    visits_s = scenario.design.release_s + scenario.design.time_of_flight_s + later_s[:STEPS]
-    sun_A = [spin_dcm(around.C_PN, around.phase0 + around.spin_rate * t) @ around.sun.at(t) for t in visits_s]
+    arrivals_s = scenario.design.release_s + scenario.design.time_of_flight_s + later_s[:STEPS]
+    sun_A = [spin_dcm(around.C_PN, around.phase0 + around.spin_rate * t) @ around.sun.at(t) for t in arrivals_s]
     limit = scenario.observation.max_incidence_deg
     share = (
         np.array([region.area[lit(region, sun, max_incidence_deg=limit)].sum() for sun in sun_A]) / region.total_area
@@ -44,7 +44,7 @@ def daylight_text(scenario: Scenario, region: TargetRegion) -> str:
     interval, design = scenario.telemetry.interval_s, scenario.design
     soonest, latest = (interval * round((design.release_s + t) / interval) for t in (start, end))
     return (
-        f"{100.0 * share.max():.0f} % of it or nearly as much is lit at the visit with an epoch from "
+        f"{100.0 * share.max():.0f} % of it or nearly as much is lit at the arrival with an epoch from "
         f"{_epoch(scenario, start)} to {_epoch(scenario, end)} or with a release from {soonest:g} to {latest:g} s past this "
         f"one (designer.releases_s, with duration_s from {soonest + design.time_of_flight_s:g} on)"
     )

@@ -238,8 +238,8 @@ def _leaves_s(flights: CandidateFlights, j: int, first: float, radius: float) ->
 
 
 def _edges_s(scenario: Scenario, first_s: Array) -> Array:
-    """Edges of the slots of all designs, where all take the same one picture that counts; elsewhere none."""
-    if scenario.observation.criterion != "visit" or not np.isfinite(first_s).any():
+    """Edges of the slots of all designs, where all take the same one qualifying image; elsewhere none."""
+    if scenario.observation.criterion != "arrival" or not np.isfinite(first_s).any():
         return np.empty(0)
     ready_s = np.array([first_s.min()])
     few, many = (slot_edges(scenario, ready_s, MOST_LINKS // n**2) for n in (1, scenario.designer.max_observers + 1))
@@ -391,8 +391,8 @@ class DeadlineSearch:
 
     def _excluded(self, points: Ints) -> bool:
         """Whether a cut excludes a design: HiGHS had no time for a better one, or kept it within its accuracy only."""
-        visits = np.bincount(points - 1, minlength=self.problem.n_points)
-        return any(cut.factor @ visits < cut.least - 1e-6 for cut in self.cuts)
+        arrivals = np.bincount(points - 1, minlength=self.problem.n_points)
+        return any(cut.factor @ arrivals < cut.least - 1e-6 for cut in self.cuts)
 
     def _cut(self, points: Ints) -> None:
         """Exclude a late design, and what is late for the same reason."""

@@ -66,7 +66,7 @@ def pareto_front(
 
     Args:
         problem: What to cover; its tolerance plays no part, `max_observers` limits N_obs.
-        delta_v: Delta-v of a visit to each point [m/s or any unit], not negative, shape (n_points,).
+        delta_v: Delta-v of an arrival to each point [m/s or any unit], not negative, shape (n_points,).
         known: Designs to start from besides random ones, each a list of points from 1; the proven answers of `exact` for
             each N_obs make the extremes of the front exact.
         population: Designs per generation.

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from matplotlib.ticker import NullLocator
 
-from swarm_mj.figures.framing import enlarge_small_body, frame_at_rest, frame_words, near_visit
+from swarm_mj.figures.framing import enlarge_small_body, frame_at_rest, frame_words, near_arrival
 from swarm_mj.figures.palette import BLACK, GREY, MODE_STYLES, ORANGE
 from swarm_mj.figures.panels import legend_below
 from swarm_mj.figures.scene import Scene, axis_tips, scene_from
@@ -74,7 +74,7 @@ def compose_behaviors(plan: Plan, telemetry: xr.Dataset, result: ObservationResu
         frame: Of the paths, "A" or "N"; None: A, but N where the body turns far.
     """
     scale = time_scale(plan, telemetry)
-    near = near_visit(plan, telemetry, AROUND * plan.scenario.behavior.imaging_radius_m)
+    near = near_arrival(plan, telemetry, AROUND * plan.scenario.behavior.imaging_radius_m)
     at_rest = frame_at_rest(plan, near, frame)
     figure = new_figure(5.0, f"Attitude behaviours: {plan.scenario.name}", width_in=11.0)
     across, distance = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
@@ -105,14 +105,14 @@ def _crossed(across: Axes, distance: Axes, radius_km: float) -> bool:
     return bool(low <= radius_km <= high or radius_km <= reach.max())
 
 
-def flight_plane(region: TargetRegion, scene: Scene, visit: int) -> View:
+def flight_plane(region: TargetRegion, scene: Scene, arrival: int) -> View:
     """The view along the normal of the mean flight's plane, from the side that shows more of the target.
 
-    The path is level and the visit above the body's centre.
+    The path is level and the arrival above the body's centre.
     """
     path = scene.r_A.mean(axis=1)
     along = unit(path[-1] - path[0])
-    above = path[visit] - (path[visit] @ along) * along
+    above = path[arrival] - (path[arrival] @ along) * along
     if np.linalg.norm(above) < 1e-6 * np.linalg.norm(path[0]):  # a flight through the centre has no side
         above = np.cross(along, np.roll(along, 1) + [0.1, 0.2, 0.3])
     above = unit(above)
@@ -122,8 +122,8 @@ def flight_plane(region: TargetRegion, scene: Scene, visit: int) -> View:
 
 def _draw_across(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene, scale: TimeScale) -> None:
     region, radius = plan.region, plan.scenario.behavior.imaging_radius_m
-    visit = int(np.argmin(np.abs(scene.times - scale.visit_s)))
-    view = flight_plane(region, scene, visit)
+    arrival = int(np.argmin(np.abs(scene.times - scale.arrival_s)))
+    view = flight_plane(region, scene, arrival)
     ax.add_patch(Circle((0.0, 0.0), radius / KM, facecolor="#F6F6F6", edgecolor=BLACK, linewidth=1.2, zorder=0))
     colours = face_colours(region.mesh, [(region.target, ORANGE)])
     draw_body(ax, view, region.mesh, colours)
@@ -141,7 +141,7 @@ def _draw_across(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene, scal
     ax.set_xlim(left, right)
     ax.set_ylim(bottom, top)
     ax.set_aspect("equal")
-    for k in (visit, len(scene.times) - 1):
+    for k in (arrival, len(scene.times) - 1):
         _draw_axes(ax, plan, telemetry, scene, view, k, scale)
     enlarge_small_body(ax, view, region.mesh, colours, view.project(scene.r_A.reshape(-1, 3)))
     tidy(ax)
@@ -228,7 +228,7 @@ def _draw_distances(ax: Axes, plan: Plan, telemetry: xr.Dataset, scale: TimeScal
     ax.axhspan(bottom, min(radius_km, top), color="#F6F6F6", zorder=0)
     if radius_km <= top:
         ax.axhline(radius_km, color=BLACK, linewidth=1.2, zorder=1.5)
-    scale.draw_visit(ax)
+    scale.draw_arrival(ax)
     scale.show(ax)
     scale.draw_borders(ax)
     tidy(ax)

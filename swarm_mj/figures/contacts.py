@@ -39,7 +39,7 @@ from swarm_mj.figures.style import (
     shown_spacecraft,
     tidy,
 )
-from swarm_mj.figures.timescale import TimeScale, delivery_scale, visit_handle
+from swarm_mj.figures.timescale import TimeScale, arrival_handle, delivery_scale
 from swarm_mj.figures.units import data_unit
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
@@ -97,12 +97,12 @@ def not_computed(title: str) -> Figure:
 
 
 def mark_times(ax: Axes, plan: Plan, scale: TimeScale) -> list[Line2D]:
-    """Mark the visit, the end of the flight and what is drawn wider; gives the legend's entries."""
+    """Mark the arrival, the end of the flight and what is drawn wider; gives the legend's entries."""
     unit, end_s = scale.axis.seconds, plan.scenario.duration_s
     flight_wider = scale.encounter_s == (0.0, end_s)
-    scale.draw_visit(ax, BLACK, zorder=2.0)
+    scale.draw_arrival(ax, BLACK, zorder=2.0)
     ends = "end of the flight" + ("; wider before" if flight_wider else "")
-    handles = [visit_handle(BLACK)]
+    handles = [arrival_handle(BLACK)]
     if end_s < scale.duration_s:
         ax.axvline(end_s / unit, color=BLACK, linewidth=1.3)
         handles.append(Line2D([], [], color=BLACK, linewidth=1.3, label=ends))

@@ -26,7 +26,7 @@ from swarm_mj.typing import Array, Indices
 
 #: Of the line of one spacecraft [pt].
 WIDTH = 1.3
-CRITERION = {"passage": "whole passage", "visit": "instant of the visit only"}
+CRITERION = {"passage": "whole passage", "arrival": "instant of the arrival only"}
 
 
 def compose_coverage(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
@@ -62,8 +62,8 @@ def _draw_history(ax: Axes, scale: TimeScale, telemetry: xr.Dataset, coverage: C
     for j, style in zip(shown, spacecraft_styles(len(shown)), strict=True):
         share = percent_over_time(coverage, j, times)
         ax.step(times / axis.seconds, share, where="post", linewidth=WIDTH, **style)
-    visit = scale.visit_s
-    scale.draw_visit(ax)
+    arrival = scale.arrival_s
+    scale.draw_arrival(ax)
     scale.show(ax)
     scale.draw_borders(ax)
     ax.set_ylim(-2.0, 104.0)
@@ -73,7 +73,7 @@ def _draw_history(ax: Axes, scale: TimeScale, telemetry: xr.Dataset, coverage: C
     caption(
         ax,
         f"$P_{{TO}}$ = {percent_text(coverage.percent)} at the end, "
-        f"{percent_text(float(coverage.percent_over_time(visit)))} at the visit, t = {instant(visit, axis)}",
+        f"{percent_text(float(coverage.percent_over_time(arrival)))} at the arrival, t = {instant(arrival, axis)}",
     )
 
 

@@ -27,10 +27,10 @@ from swarm_mj.figures.maps import (
 from swarm_mj.figures.palette import BLACK, ORANGE, SKY_BLUE, SPACECRAFT, Dashes, spacecraft_styles
 from swarm_mj.figures.panels import legend_below
 from swarm_mj.figures.style import caption, new_figure, note_of_omission, shown_spacecraft
-from swarm_mj.figures.timescale import visit_words
+from swarm_mj.figures.timescale import arrival_words
 from swarm_mj.figures.units import time_axis
 from swarm_mj.figures.view import HIDING_DEPTH, depth_of, face_colours, tracer_of, unit
-from swarm_mj.flight.observe import ObservationResult, camera_from, flight_pictures, visit_samples
+from swarm_mj.flight.observe import ObservationResult, arrival_samples, camera_from, flight_pictures
 from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.coverage import percent_text
@@ -51,16 +51,16 @@ SINGLE_PT = 2.0
 
 
 def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
-    """What each picture holds at the visit, and what all pictures of the passage hold together."""
+    """What each picture holds at the arrival, and what all pictures of the passage hold together."""
     mesh, scenario = plan.region.mesh, plan.scenario
     camera = camera_from(scenario)
     shown = shown_spacecraft(plan.n_observers)
-    visits_s = telemetry["time"].values[visit_samples(scenario)]
+    arrivals_s = telemetry["time"].values[arrival_samples(scenario)]
     taken = list(flight_pictures(plan, telemetry))
     poses = {
         picture.spacecraft: picture.pose
         for picture in taken
-        if picture.spacecraft in shown and picture.t == visits_s[picture.spacecraft]
+        if picture.spacecraft in shown and picture.t == arrivals_s[picture.spacecraft]
     }
     window = _window(plan, camera, list(poses.values()))
     title = f"Footprints of the pictures: {scenario.name}{note_of_omission(plan.n_observers, shown)}"
@@ -87,7 +87,7 @@ def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationRes
     percent = result.coverage.percent
     caption(
         ax,
-        f"outlines: {visit_words(scenario, axis)}; "
+        f"outlines: {arrival_words(scenario, axis)}; "
         f"half-angle {camera.half_angle_deg:g}\N{DEGREE SIGN}; $P_{{TO}}$ = {percent_text(percent)}",
     )
     legend_below(figure, _handles(plan, result, {j: colours[j] for j in poses}, whole))
@@ -132,7 +132,7 @@ def _margin_at(camera: CameraModel, pose: CameraPose, points: Array, face: Indic
 
 
 def _window(plan: Plan, camera: CameraModel, poses: list[CameraPose]) -> MapExtent:
-    """The target and the footprints of the visit, with some room around."""
+    """The target and the footprints of the arrival, with some room around."""
     mesh, centre = plan.region.mesh, plan.scenario.target.longitude_deg
     coarse = survey(mesh, whole_body(centre), SEARCH_COLUMNS)
     latitude, longitude = latitude_longitude(np.concatenate(target_outlines(plan.region)), centre)

@@ -14,11 +14,11 @@ from swarm_mj.figures.style import SMALL_PT
 from swarm_mj.figures.view import KM, View, draw_body
 from swarm_mj.flight.plan import Plan
 from swarm_mj.records.passage import passage
-from swarm_mj.scenarios.itinerary import last_visit_s
+from swarm_mj.scenarios.itinerary import last_arrival_s
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Indices
 
-#: Farther than this over the distance at the visit, and over the body's radius, a flight leaves the picture.
+#: Farther than this over the distance at the arrival, and over the body's radius, a flight leaves the picture.
 FAR, FAR_RADII = 4.0, 20.0
 #: A picture is at most this much wider than what it is about, to hold what is around it.
 WIDER = 4.0
@@ -32,8 +32,8 @@ EDGE = 0.015
 LEAST_SAMPLES = 3
 
 
-def near_visit(plan: Plan, telemetry: xr.Dataset, at_least_m: float = 0.0) -> xr.Dataset:
-    """The telemetry from when the swarm comes near the body, before the visit, until it leaves.
+def near_arrival(plan: Plan, telemetry: xr.Dataset, at_least_m: float = 0.0) -> xr.Dataset:
+    """The telemetry from when the swarm comes near the body, before the arrival, until it leaves.
 
     Args:
         plan: What was flown.
@@ -42,7 +42,7 @@ def near_visit(plan: Plan, telemetry: xr.Dataset, at_least_m: float = 0.0) -> xr
     """
     times, r_BN_N = telemetry["time"].values, telemetry["r_BN_N"].values
     reach = FAR, max(FAR_RADII * plan.region.mesh.max_radius, at_least_m)
-    return telemetry.isel(time=passage(times, r_BN_N, last_visit_s(plan.scenario), reach, LEAST_SAMPLES))
+    return telemetry.isel(time=passage(times, r_BN_N, last_arrival_s(plan.scenario), reach, LEAST_SAMPLES))
 
 
 def turns_much(plan: Plan, telemetry: xr.Dataset) -> bool:
@@ -66,7 +66,7 @@ def frame_at_rest(plan: Plan, telemetry: xr.Dataset, frame: str | None) -> bool:
 
 def frame_words(at_rest: bool) -> str:
     """The frame of a picture in words."""
-    return "frame N, with body and axes as at the visit" if at_rest else "frame A"
+    return "frame N, with body and axes as at the arrival" if at_rest else "frame A"
 
 
 def framed(plan: Plan, scene: Scene, k: int, *, onwards: bool = False) -> tuple[Array, Indices]:

@@ -29,7 +29,7 @@ from swarm_mj.figures.style import HALO, caption, new_figure
 from swarm_mj.figures.timescale import time_scale
 from swarm_mj.figures.units import instant, time_axis
 from swarm_mj.figures.view import face_colours, unit
-from swarm_mj.flight.observe import ObservationResult, visit_sample
+from swarm_mj.flight.observe import ObservationResult, arrival_sample
 from swarm_mj.flight.plan import Plan
 from swarm_mj.typing import Array, Indices
 
@@ -43,10 +43,10 @@ MAX_NUMBERED = 12
 
 
 def compose_ground_track(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
-    """The places below each spacecraft, with the target and the ground in the light of the visit."""
+    """The places below each spacecraft, with the target and the ground in the light of the arrival."""
     scene, mesh = scene_from(plan, telemetry), plan.region.mesh
-    visit = visit_sample(plan.scenario)
-    time, axis = scene.times[visit], time_axis(plan.scenario.duration_s)
+    arrival = arrival_sample(plan.scenario)
+    time, axis = scene.times[arrival], time_axis(plan.scenario.duration_s)
     figure = new_figure(5.7, f"Ground track: {plan.scenario.name}")
     ax = figure.subplots()
     window = whole_body(plan.scenario.target.longitude_deg)
@@ -59,13 +59,13 @@ def compose_ground_track(plan: Plan, telemetry: xr.Dataset, result: ObservationR
     step = mark_interval(plan.scenario.duration_s)
     marks = np.searchsorted(scene.times, np.arange(0.0, scene.times[-1], step) - 1e-6)
     track = time_scale(plan, telemetry).samples(scene.times, TRACK_POINTS)
-    _draw_tracks(ax, scene.r_A, track, marks, visit, window)
+    _draw_tracks(ax, scene.r_A, track, marks, arrival, window)
     draw_places(ax, sun[None], window.centre_longitude, marker="*", markersize=15, color=ORANGE, mec=BLACK, zorder=6)
     draw_places(ax, earth[None], window.centre_longitude, marker="P", markersize=9, color=GREEN, mec=BLACK, zorder=6)
     name_map(ax, window)
     caption(
         ax,
-        f"circles and light: the visit, t = {instant(time, axis)}; without cast shadows",
+        f"circles and light: the arrival, t = {instant(time, axis)}; without cast shadows",
     )
     legend_below(figure, _handles(plan, instant(step, axis)))
     return figure
@@ -77,7 +77,7 @@ def mark_interval(duration_s: float) -> float:
     return float(next((step for step in steps if step * TIME_MARKS >= duration_s), steps[-1]))
 
 
-def _draw_tracks(ax: Axes, r_A: Array, track: Indices, marks: Indices, visit: int, window: MapExtent) -> None:
+def _draw_tracks(ax: Axes, r_A: Array, track: Indices, marks: Indices, arrival: int, window: MapExtent) -> None:
     n = r_A.shape[1]
     many, centre = n > len(SPACECRAFT), window.centre_longitude
     for j, line in enumerate(spacecraft_styles(n)):
@@ -85,11 +85,11 @@ def _draw_tracks(ax: Axes, r_A: Array, track: Indices, marks: Indices, visit: in
         width, effects = (0.8, ()) if many else (1.8, HALO)
         draw_track(ax, r_A[track, j], centre, linewidth=width, path_effects=effects, zorder=4, **line)
         draw_places(ax, r_A[marks, j], centre, marker=".", markersize=3 if many else 6, **style)
-        draw_places(ax, r_A[visit, j : j + 1], centre, marker="o", markersize=4 if many else 7, mec="white", **style)
+        draw_places(ax, r_A[arrival, j : j + 1], centre, marker="o", markersize=4 if many else 7, mec="white", **style)
         draw_places(ax, r_A[-1:, j], centre, marker="s", markersize=3 if many else 6, mec="white", **style)
     if n <= MAX_NUMBERED:
         tracks = [np.stack(latitude_longitude(r_A[track, j], centre)[::-1], axis=1) for j in range(n)]
-        number_places(ax, r_A[visit], centre, spacecraft_colours(n), lines=tracks)
+        number_places(ax, r_A[arrival], centre, spacecraft_colours(n), lines=tracks)
 
 
 def number_places(
@@ -114,7 +114,7 @@ def _handles(plan: Plan, step: str) -> list[Line2D]:
     return [
         *spacecraft_handles(plan, np.arange(plan.n), 1.8, together=f"each of {plan.n} spacecraft"),
         mark(f"every {step}", ".", 6, GREY),
-        mark("visit", "o", 7, GREY, "white"),
+        mark("arrival", "o", 7, GREY, "white"),
         mark("end", "s", 6, GREY, "white"),
         Line2D([], [], color=BLACK, linewidth=1.8, label="target"),
         mark("subsolar point", "*", 13, ORANGE, BLACK),

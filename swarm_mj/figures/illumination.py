@@ -1,4 +1,4 @@
-"""Light on the target: incidence, emission and phase angles over time and, at the visit, over its cells.
+"""Light on the target: incidence, emission and phase angles over time and, at the arrival, over its cells.
 
 Incidence is the angle between a cell's normal and the direction to the Sun, emission that between the normal and the
 direction to a spacecraft, phase that between the two directions. Cast shadows and obstacles are left out.
@@ -38,7 +38,7 @@ from swarm_mj.figures.style import (
 from swarm_mj.figures.timescale import TimeScale, time_scale
 from swarm_mj.figures.units import instant, time_axis
 from swarm_mj.figures.view import triangles
-from swarm_mj.flight.observe import ObservationResult, visit_sample
+from swarm_mj.flight.observe import ObservationResult, arrival_sample
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.typing import Array, Indices
@@ -62,7 +62,7 @@ class Angles(NamedTuple):
 
 
 def compose_illumination(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
-    """Mean angles over the target by time, and the angles at its cells at the visit."""
+    """Mean angles over the target by time, and the angles at its cells at the arrival."""
     shown = shown_spacecraft(plan.n_observers)
     figure = new_figure(
         7.4,
@@ -136,7 +136,7 @@ def _draw_histories(
 
 
 def _finish_history(ax: Axes, name: str, scale: TimeScale) -> None:
-    scale.draw_visit(ax, zorder=2.0)
+    scale.draw_arrival(ax, zorder=2.0)
     scale.show(ax, brief=True)
     scale.draw_borders(ax)
     top = 30 * max(3, int(np.ceil(ax.dataLim.y1 / 30.0)))
@@ -150,8 +150,8 @@ def _finish_history(ax: Axes, name: str, scale: TimeScale) -> None:
 
 
 def _draw_maps(figure: Figure, row: NDArray[np.object_], plan: Plan, telemetry: xr.Dataset) -> None:
-    region, visit = plan.region, visit_sample(plan.scenario)
-    scene = scene_from(plan, telemetry.isel(time=[visit]))
+    region, arrival = plan.region, arrival_sample(plan.scenario)
+    scene = scene_from(plan, telemetry.isel(time=[arrival]))
     time = float(scene.times[0])
     found = best_angles(region, _sun_A(plan, time), scene.r_A[0, : plan.n_observers])
     corners = flat_cells(region)

@@ -18,7 +18,7 @@ from swarm_mj.figures.style import (
     shown_spacecraft,
     tidy,
 )
-from swarm_mj.figures.timescale import TimeScale, time_scale, visit_handle
+from swarm_mj.figures.timescale import TimeScale, arrival_handle, time_scale
 from swarm_mj.figures.units import TimeAxis
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
@@ -43,7 +43,7 @@ def compose_links(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) 
     ax = figure.subplots()
     for row, j in enumerate(shown):
         _draw_row(ax, telemetry, int(j), row, scale)
-    scale.draw_visit(ax, BLACK, zorder=2.0)
+    scale.draw_arrival(ax, BLACK, zorder=2.0)
     tidy(ax)
     ax.grid(False, axis="y")
     scale.show(ax)
@@ -55,7 +55,7 @@ def compose_links(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) 
     _draw_totals(ax, telemetry, shown, scale.axis)
     closed = (telemetry["link_closed"].values[:, shown] == 1).any()
     link = [Patch(facecolor=BLUE, label="link closed")] if closed else []
-    legend_below(figure, [*mode_handles(telemetry, shown), *link, visit_handle(BLACK), *scale.border_handles()])
+    legend_below(figure, [*mode_handles(telemetry, shown), *link, arrival_handle(BLACK), *scale.border_handles()])
     return figure
 
 
@@ -73,8 +73,8 @@ def _draw_row(ax: Axes, telemetry: xr.Dataset, j: int, row: int, scale: TimeScal
 
 
 def _beside(run: Run, scale: TimeScale) -> Run:
-    """The longer part of a stretch before or after the visit whose mark would go through its name, else all of it."""
-    mark = scale.visit_s
+    """The longer part of a stretch before or after the arrival whose mark would go through its name, else all of it."""
+    mark = scale.arrival_s
     if abs(scale.share(scale.middle(run.start, run.end), mark)) > NAME_SHARE:
         return run
     before, after = Run(run.start, mark, run.mode), Run(mark, run.end, run.mode)

@@ -15,7 +15,7 @@ from matplotlib.textpath import TextPath
 
 from swarm_mj.figures.palette import BLACK, GREY, MODE_STYLES, PURPLE
 from swarm_mj.figures.style import HALO, INSIDE, SMALL_PT
-from swarm_mj.figures.timescale import TimeScale, visit_handle
+from swarm_mj.figures.timescale import TimeScale, arrival_handle
 from swarm_mj.records.modes import Run, events_of, modes_shown, runs
 from swarm_mj.typing import Indices
 
@@ -28,7 +28,7 @@ AXES_SHARE, ROOM_PT = 0.75, 4.0
 
 
 def draw_modes(ax: Axes, telemetry: xr.Dataset, j: int, scale: TimeScale) -> None:
-    """Shade a panel by mode, name the modes in a band on top, and mark every switch and the visit."""
+    """Shade a panel by mode, name the modes in a band on top, and mark every switch and the arrival."""
     unit = scale.axis.seconds
     for k, run in enumerate(runs(telemetry, j)):
         style = MODE_STYLES[run.mode]
@@ -41,7 +41,7 @@ def draw_modes(ax: Axes, telemetry: xr.Dataset, j: int, scale: TimeScale) -> Non
             name_mode(ax, run, scale, 1.0 - BAND / 2, transform=ax.get_xaxis_transform())
     for t in events_of(telemetry, j):
         ax.axvline(t / unit, ymax=1.0 - BAND, zorder=1.6, **EVENT)
-    scale.draw_visit(ax, top=1.0 - BAND)
+    scale.draw_arrival(ax, top=1.0 - BAND)
 
 
 def has_room(ax: Axes, run: Run, scale: TimeScale) -> bool:
@@ -93,8 +93,8 @@ def mode_handles(telemetry: xr.Dataset, shown: Indices) -> list[Patch]:
 
 
 def mark_handles(telemetry: xr.Dataset, shown: Indices) -> list[Line2D]:
-    """Legend entries of the visit, and of switches and faults if there are any among the spacecraft that are shown."""
-    handles = [visit_handle(GREY)]
+    """Legend entries of the arrival, and of switches and faults if there are any among the spacecraft that are shown."""
+    handles = [arrival_handle(GREY)]
     if any(len(runs(telemetry, int(j))) > 1 for j in shown):
         handles.append(Line2D([], [], color=BLACK, linewidth=0.9, label="switch"))
     if any(events_of(telemetry, int(j)) for j in shown):

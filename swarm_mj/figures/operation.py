@@ -1,4 +1,4 @@
-"""The operation at the visit and at the end: body, observed faces, spacecraft, trails (AAS 19-144, Figure 11).
+"""The operation at the arrival and at the end: body, observed faces, spacecraft, trails (AAS 19-144, Figure 11).
 
 Drawn in the body-fixed frame A, so that the target stays where it is and only the swarm moves.
 """
@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 
 from swarm_mj.figures.box import box_around, draw_box, keep_inside
 from swarm_mj.figures.cells import draw_cells
-from swarm_mj.figures.framing import enlarge_small_body, framed, near_visit
+from swarm_mj.figures.framing import enlarge_small_body, framed, near_arrival
 from swarm_mj.figures.numbering import number_beside
 from swarm_mj.figures.palette import BLACK, BLUE, GREY, MODE_STYLES, ORANGE, SKY_BLUE, VERMILLION
 from swarm_mj.figures.panels import legend_below, marker_handle
@@ -37,7 +37,7 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.coverage import percent_text
 from swarm_mj.records.modes import LOST
-from swarm_mj.scenarios.itinerary import last_visit_s
+from swarm_mj.scenarios.itinerary import last_arrival_s
 from swarm_mj.typing import Array, Indices, Mask
 
 #: Corners of a trail; a flyby bends little.
@@ -50,11 +50,11 @@ DASHES = (0, (4, 2.5))
 def compose_operation(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """The swarm around the body at the time of flight and at the end, or when it leaves the body far behind."""
     scale = time_scale(plan, telemetry)
-    telemetry = near_visit(plan, telemetry)
+    telemetry = near_arrival(plan, telemetry)
     scene = scene_from(plan, telemetry)
     figure = new_figure(8.2, f"Operation of the swarm: {plan.scenario.name}", width_in=11.0)
-    visit = int(np.argmin(np.abs(scene.times - last_visit_s(plan.scenario))))
-    instants = (visit, len(scene.times) - 1)
+    arrival = int(np.argmin(np.abs(scene.times - last_arrival_s(plan.scenario))))
+    instants = (arrival, len(scene.times) - 1)
     view = best_view(plan.region, scene, instants)
     grid = figure.subplots(2, 2, height_ratios=(3.0, 1.0))
     seen_by_then = [np.nan_to_num(result.coverage.first_seen_s, nan=np.inf) <= scene.times[k] for k in instants]

@@ -48,7 +48,7 @@ def compose_propulsion(plan: Plan, telemetry: xr.Dataset, result: ObservationRes
         for j, style in zip(shown, spacecraft_styles(len(shown)), strict=True):
             ax.plot(times[some] / scale.axis.seconds, values[:, j], linewidth=WIDTH, **style, **how)
         scale.draw_borders(ax)
-        scale.draw_visit(ax)
+        scale.draw_arrival(ax)
         top = 1.06 * float(values.max())
         ax.set_ylim(-0.04 * top, top)
         label(ax, y=name)

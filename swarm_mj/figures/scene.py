@@ -15,7 +15,7 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.records.modes import LOST, modes_shown
-from swarm_mj.scenarios.itinerary import last_visit_s
+from swarm_mj.scenarios.itinerary import last_arrival_s
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.typing import Array, Mask
@@ -26,7 +26,7 @@ FREE_AXIS = 0.4
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """What flies around the body, in A, or in A as it stands at the visit, which is at rest.
+    """What flies around the body, in A, or in A as it stands at the arrival, which is at rest.
 
     Attributes:
         times: Shape (t,) [s].
@@ -46,12 +46,12 @@ class Scene:
 
 
 def scene_from(plan: Plan, telemetry: xr.Dataset, *, at_rest: bool = False) -> Scene:
-    """Turn telemetry into A, or into the inertial frame that A is at the visit, in which body and target stand as then."""
+    """Turn telemetry into A, or into the inertial frame that A is at the arrival, in which body and target stand as then."""
     C_AN = asteroid_attitudes(telemetry)
     turn = np.broadcast_to(np.eye(3), C_AN.shape)
     if at_rest:
-        at_visit = plan.environment.C_AN(last_visit_s(plan.scenario))
-        turn, C_AN = C_AN @ at_visit.T, np.broadcast_to(at_visit, C_AN.shape)
+        at_arrival = plan.environment.C_AN(last_arrival_s(plan.scenario))
+        turn, C_AN = C_AN @ at_arrival.T, np.broadcast_to(at_arrival, C_AN.shape)
     z_N = dcm(telemetry["sigma_BN"].values)[..., 2, :]
     mode = modes_shown(telemetry)
     ever_earth = (mode == TargetKind.EARTH).any(axis=0)

@@ -33,8 +33,8 @@ SMALL_PT = 8
 HALO = [patheffects.withStroke(linewidth=2.5, foreground="white")]
 #: Of text inside a diagram, which the search for room need not measure.
 INSIDE: dict[str, Any] = {"in_layout": False}
-#: How the instant of the visit is marked.
-VISIT_DASHES = (0, (4, 2))
+#: How the instant of the arrival is marked.
+ARRIVAL_DASHES = (0, (4, 2))
 
 #: More panels or rows than these no longer read on one page.
 MAX_PANELS = 20

@@ -11,10 +11,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
 from swarm_mj.figures.palette import GREY
-from swarm_mj.figures.style import TICK_PT, VISIT_DASHES, label
+from swarm_mj.figures.style import ARRIVAL_DASHES, TICK_PT, label
 from swarm_mj.figures.units import TimeAxis, instant, time_axis
 from swarm_mj.flight.plan import Plan
-from swarm_mj.scenarios.itinerary import visit_times
+from swarm_mj.scenarios.itinerary import arrival_times
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array, Indices
 
@@ -42,14 +42,14 @@ class TimeScale:
     Attributes:
         axis: The unit.
         duration_s: Of the flight [s].
-        visit_s: When the visit is [s].
+        arrival_s: When the arrival is [s].
         encounter_s: Begin and end of the part that is drawn wider [s]; None: the axis is even.
         brief_before: Whether little is to be told of the time before that part.
     """
 
     axis: TimeAxis
     duration_s: float
-    visit_s: float
+    arrival_s: float
     encounter_s: tuple[float, float] | None
     brief_before: bool = False
 
@@ -94,10 +94,10 @@ class TimeScale:
         """Name the axis; briefly where there is little room."""
         label(ax, x=f"time [{self.axis.unit}]" if brief else f"time since deployment [{self.axis.unit}]")
 
-    def draw_visit(self, ax: Axes, colour: str = GREY, *, top: float = 1.0, zorder: float = 1.5) -> None:
-        """Mark the visit, up to a share `top` of the height."""
-        at = self.visit_s / self.axis.seconds
-        ax.axvline(at, ymax=top, color=colour, linewidth=1.0, linestyle=VISIT_DASHES, zorder=zorder)
+    def draw_arrival(self, ax: Axes, colour: str = GREY, *, top: float = 1.0, zorder: float = 1.5) -> None:
+        """Mark the arrival, up to a share `top` of the height."""
+        at = self.arrival_s / self.axis.seconds
+        ax.axvline(at, ymax=top, color=colour, linewidth=1.0, linestyle=ARRIVAL_DASHES, zorder=zorder)
 
     def draw_borders(self, ax: Axes) -> None:
         """Mark the begin and the end of the part that is drawn wider."""
@@ -106,8 +106,8 @@ class TimeScale:
                 ax.axvline(t / self.axis.seconds, color=GREY, linewidth=1.0, linestyle=BORDER_DOTS, zorder=1.4)
 
     def handles(self) -> list[Line2D]:
-        """Legend entries of what `draw_visit` in grey and `draw_borders` draw."""
-        return [visit_handle(GREY), *self.border_handles()]
+        """Legend entries of what `draw_arrival` in grey and `draw_borders` draw."""
+        return [arrival_handle(GREY), *self.border_handles()]
 
     def border_handles(self) -> list[Line2D]:
         """Legend entries of what `draw_borders` draws."""
@@ -116,11 +116,11 @@ class TimeScale:
         return [Line2D([], [], color=GREY, linewidth=1.0, linestyle=BORDER_DOTS, label="in between: drawn wider")]
 
     def instant(self, t: float) -> str:
-        """A time [s] in words: since deployment, or before and after the visit where that says more."""
-        if self.encounter_s is None or t == self.visit_s or not self.encounter_s[0] <= t <= self.encounter_s[1]:
+        """A time [s] in words: since deployment, or before and after the arrival where that says more."""
+        if self.encounter_s is None or t == self.arrival_s or not self.encounter_s[0] <= t <= self.encounter_s[1]:
             return instant(t, self.axis)
-        after = t - self.visit_s
-        return f"visit {'+' if after > 0.0 else MINUS} {instant(abs(after), time_axis(abs(after)))}"
+        after = t - self.arrival_s
+        return f"arrival {'+' if after > 0.0 else MINUS} {instant(abs(after), time_axis(abs(after)))}"
 
     def _knots(self) -> tuple[Array, Array]:
         """Times [s] and places on the axis between which it is even."""
@@ -145,19 +145,19 @@ class TimeScale:
         return self.from_page(place) + np.minimum(place, 0.0) + np.maximum(place - 1.0, 0.0)
 
     def _marks(self, brief: bool, width_in: float) -> list[tuple[float, str]]:
-        """Times [s] with their words on an axis of a width [in]: since deployment, and around the visit in the wider part.
+        """Times [s] with their words on an axis of a width [in]: since deployment, and around the arrival in the wider part.
 
-        Of marks that would run into each other the one nearer to the visit stays, then the begin of the flight.
+        Of marks that would run into each other the one nearer to the arrival stays, then the begin of the flight.
         """
         assert self.encounter_s is not None
         unit, (start, end) = self.axis.seconds, self.encounter_s
-        marks = [(self.visit_s, "visit")]
+        marks = [(self.arrival_s, "arrival")]
         inner = TimeAxis(1.0, "s") if end - start < 600.0 else TimeAxis(60.0, "min")
         around = MaxNLocator(2 if brief else 6 if self.brief_before else 4, steps=[1, 2, 5, 10]).tick_values(
-            (start - self.visit_s) / inner.seconds, (end - self.visit_s) / inner.seconds
+            (start - self.arrival_s) / inner.seconds, (end - self.arrival_s) / inner.seconds
         )
         inside = [] if brief else [float(tick) for tick in sorted(around, key=abs) if tick]
-        for t, word in [(self.visit_s + tick * inner.seconds, f"{_signed(tick)} {inner.unit}") for tick in inside]:
+        for t, word in [(self.arrival_s + tick * inner.seconds, f"{_signed(tick)} {inner.unit}") for tick in inside]:
             if start <= t <= end and self._is_clear(t, word, marks, width_in):
                 marks.append((t, word))
         locator = MaxNLocator(2 if brief else 4, steps=[1, 2, 5, 10])
@@ -181,9 +181,9 @@ def _signed(tick: float) -> str:
     return f"{tick:+g}".replace("-", MINUS)
 
 
-def visit_handle(colour: str) -> Line2D:
-    """Legend entry of what `TimeScale.draw_visit` draws."""
-    return Line2D([], [], color=colour, linewidth=1.0, linestyle=VISIT_DASHES, label="visit")
+def arrival_handle(colour: str) -> Line2D:
+    """Legend entry of what `TimeScale.draw_arrival` draws."""
+    return Line2D([], [], color=colour, linewidth=1.0, linestyle=ARRIVAL_DASHES, label="arrival")
 
 
 def time_scale(plan: Plan, telemetry: xr.Dataset) -> TimeScale:
@@ -192,7 +192,7 @@ def time_scale(plan: Plan, telemetry: xr.Dataset) -> TimeScale:
     return TimeScale(
         axis=time_axis(scenario.duration_s),
         duration_s=scenario.duration_s,
-        visit_s=float(visit_times(scenario).max()),
+        arrival_s=float(arrival_times(scenario).max()),
         encounter_s=_encounter(plan, telemetry),
     )
 
@@ -214,13 +214,13 @@ def delivery_scale(plan: Plan, telemetry: xr.Dataset, busy_s: float, end_s: floa
     return replace(flight, axis=time_axis(end_s), duration_s=end_s, encounter_s=wider, brief_before=True)
 
 
-def visit_words(scenario: Scenario, axis: TimeAxis) -> str:
-    """When the visit is, in words; of several visits, from when to when."""
-    visits = visit_times(scenario)
-    first, last = float(visits.min()), float(visits.max())
+def arrival_words(scenario: Scenario, axis: TimeAxis) -> str:
+    """When the arrival is, in words; of several arrivals, from when to when."""
+    arrivals = arrival_times(scenario)
+    first, last = float(arrivals.min()), float(arrivals.max())
     if first == last:
-        return f"the visit, t = {instant(first, axis)}"
-    return f"each at its visit, t = {instant(first, axis)} to {instant(last, axis)}"
+        return f"the arrival, t = {instant(first, axis)}"
+    return f"each at its arrival, t = {instant(first, axis)} to {instant(last, axis)}"
 
 
 def _encounter(plan: Plan, telemetry: xr.Dataset) -> tuple[float, float] | None:
@@ -228,8 +228,8 @@ def _encounter(plan: Plan, telemetry: xr.Dataset) -> tuple[float, float] | None:
     times, scenario = telemetry["time"].values, plan.scenario
     distance = np.linalg.norm(telemetry["r_BN_N"].values, axis=2).min(axis=1)
     near = times[distance <= max(scenario.behavior.imaging_radius_m, NEAR * float(distance.min()))]
-    visits = visit_times(scenario)
-    first, last = min(float(near[0]), float(visits.min())), max(float(near[-1]), float(visits.max()))
+    arrivals = arrival_times(scenario)
+    first, last = min(float(near[0]), float(arrivals.min())), max(float(near[-1]), float(arrivals.max()))
     room = max(AROUND * (last - first), TURNING_S)
     start, end = max(first - room, 0.0), min(last + room, scenario.duration_s)
     return (start, end) if end - start < SHORT * scenario.duration_s else None

@@ -22,7 +22,7 @@ from swarm_mj.flight.observe import observer_from
 from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior, SwarmView, TargetKind, Targets
 from swarm_mj.mission.links import Antennas, Obstacle
 from swarm_mj.observation.capture import camera_poses, observe
-from swarm_mj.observation.smear import Motion
+from swarm_mj.observation.motion_blur import Motion
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_swarm import Swarm
 from swarm_mj.simulator.telemetry import VARIABLES

@@ -241,7 +241,7 @@ def frame_pixels(scenario: Scenario) -> int:
 
 
 def slot_edges(scenario: Scenario, ready_s: Array, most: int) -> Array:
-    """Edges of the slots [s] from the first picture that counts to the end of the horizon.
+    """Edges of the slots [s] from the first qualifying image to the end of the horizon.
 
     Args:
         scenario: Says how long slots are, and how long data are sent.

@@ -55,7 +55,7 @@ def _fastest(plan: Plan, overrides: dict[str, Any]) -> float:
 
 
 def _longer(plan: Plan, most: float) -> dict[str, Any] | None:
-    """Longer flights from an earlier epoch to visits at the same instants; None: none of those tried would do."""
+    """Longer flights from an earlier epoch to arrivals at the same instants; None: none of those tried would do."""
     factor, fastest = 1.0, float(plan.deployment.delta_v.max())
     while_s = float((plan.deployment.arrival_s - plan.deployment.release_s).max())
     for _ in range(TRIES):

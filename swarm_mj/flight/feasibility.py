@@ -1,7 +1,7 @@
 """A scenario held against its encounter before it flies: can the wheels follow, are pictures sharp, and do they join?
 
 What cannot work at all is an error that names the limit, the number and the remedy. What may fall short is a finding. Checked
-at the visit of each observer, from its state there; around it the path counts as straight. Errors only where the behaviour is
+at the arrival of each observer, from its state there; around it the path counts as straight. Errors only where the behaviour is
 known to look at the body (`KNOWN`): what a behaviour of one's own looks at is its own affair.
 """
 
@@ -21,7 +21,7 @@ from swarm_mj.mission.target import TargetRegion
 from swarm_mj.mission.trajectories import Deployment, propagate
 from swarm_mj.observation.camera import look_at
 from swarm_mj.observation.capture import limits_of, sight
-from swarm_mj.observation.smear import CameraMotion, smear_px
+from swarm_mj.observation.motion_blur import CameraMotion, motion_blur_px
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.slew import slew_time, turning_limits
@@ -36,22 +36,22 @@ ROUGH = 1e-6
 GRAVITY_DRIFT_M = 1.0
 #: Farthest that a line of sight may turn within a control period [rad]: torques are held as long.
 TURN_IN_A_PERIOD = 0.1
-#: Pictures whose smear is looked at, at most, of each observer.
+#: Pictures whose motion blur is looked at, at most, of each observer.
 MOST_PICTURES = 200
 
 
 @dataclass(frozen=True, kw_only=True)
-class VisitGeometry:
-    """Each observer at its visit; n observers.
+class ArrivalGeometry:
+    """Each observer at its arrival; n observers.
 
     Attributes:
         r_N: Positions [m], shape (n, 3).
         v_N: Velocities [m/s], shape (n, 3).
         a_N: Accelerations [m/s^2], shape (n, 3).
-        t: Times of the visits past the epoch [s], shape (n,).
+        t: Times of the arrivals past the epoch [s], shape (n,).
         rate: Rate of the line of sight to the body's centre [rad/s], shape (n,).
         acceleration: Its angular acceleration [rad/s^2], shape (n,).
-        peak_rate: The largest rate about the visit, v / b of the straight line [rad/s], inside the imaging radius, shape (n,).
+        peak_rate: Largest rate about the arrival, v / b of the straight line [rad/s], inside the imaging radius, shape (n,).
         peak_acceleration: The same of the acceleration [rad/s^2], shape (n,).
     """
 
@@ -65,8 +65,10 @@ class VisitGeometry:
     peak_acceleration: Array
 
 
-def visit_geometry(deployment: Deployment, environment: Environment, n: int, imaging_radius_m: float) -> VisitGeometry:
-    """How the first n spacecraft pass the body at their visits."""
+def arrival_geometry(
+    deployment: Deployment, environment: Environment, n: int, imaging_radius_m: float
+) -> ArrivalGeometry:
+    """How the first n spacecraft pass the body at their arrivals."""
     v_N = np.empty((n, 3))
     for j in range(n):
         span = np.array([deployment.release_s[j], deployment.arrival_s[j]])
@@ -77,7 +79,7 @@ def visit_geometry(deployment: Deployment, environment: Environment, n: int, ima
     rate, acceleration = sight_rates(r_N, v_N, a_N)
     around = [_around(r_N[j], v_N[j], imaging_radius_m) for j in range(n)]
     peaks = np.array([[motion.max() for motion in sight_rates(line, v_N[j], 0.0)] for j, line in enumerate(around)])
-    return VisitGeometry(
+    return ArrivalGeometry(
         r_N=r_N,
         v_N=v_N,
         a_N=a_N,
@@ -99,7 +101,7 @@ def sight_rates(r_N: Array, v_N: Array, a_N: Array | float) -> tuple[Array, Arra
 
 
 def _around(r_N: Array, v_N: Array, radius: float) -> Array:
-    """Places on the straight line through a visit, inside the imaging radius and where its angle moves, shape (k, 3)."""
+    """Places on the straight line through an arrival, inside the imaging radius and where its angle moves, shape (k, 3)."""
     speed = float(np.linalg.norm(v_N))
     if speed == 0.0:
         return r_N[None]
@@ -133,10 +135,10 @@ class EncounterCheck:
     least_radius: Array
 
     @cached_property
-    def visit(self) -> VisitGeometry:
+    def arrival(self) -> ArrivalGeometry:
         """How the observers pass the body."""
         radius = self.scenario.behavior.imaging_radius_m
-        return visit_geometry(self.deployment, self.environment, len(self.least_radius), radius)
+        return arrival_geometry(self.deployment, self.environment, len(self.least_radius), radius)
 
     @property
     def known(self) -> bool:
@@ -148,27 +150,27 @@ class EncounterCheck:
 
         Raises:
             ScenarioError: It cannot work: no observer comes where pictures are taken, none can be turned as fast as it must be
-                at its visit, or all cells smear in all pictures.
+                at its arrival, or all cells blur in all pictures.
         """
         if self.known:
             self._require_inside()
-        return (*self._of_wheels(), *self._of_steps(), *self._of_pictures(), *self._of_smear())
+        return (*self._of_wheels(), *self._of_steps(), *self._of_pictures(), *self._of_motion_blur())
 
     def _require_inside(self) -> None:
-        scenario, met = self.scenario, self.visit
+        scenario, met = self.scenario, self.arrival
         radius = scenario.behavior.imaging_radius_m
-        at_visit = scenario.observation.criterion == "visit"
-        distance = float((np.linalg.norm(met.r_N, axis=1) if at_visit else self.least_radius).min())
+        at_arrival = scenario.observation.criterion == "arrival"
+        distance = float((np.linalg.norm(met.r_N, axis=1) if at_arrival else self.least_radius).min())
         if distance > radius:
             raise ScenarioError(
                 f"behavior.imaging_radius_m = {radius:g}: no observer is inside it "
-                f"{'at the visit' if at_visit else 'at any time'}, so that no picture counts; the nearest comes to "
+                f"{'at the arrival' if at_arrival else 'at any time'}, so that no picture counts; the nearest comes to "
                 f"{at_least(distance, 6)} m of the body's centre: must be at least that, or lower design.imaging_altitude_m"
             )
 
     def _of_wheels(self) -> list[str]:
         """Rates and accelerations against what the wheels give."""
-        scenario, met = self.scenario, self.visit
+        scenario, met = self.scenario, self.arrival
         worst, best = turning_limits(self.properties)
         # Momentum that is aboard from the start may add to that of the wheels, or take from it.
         tumbling = sqrt(3.0) * scenario.spacecraft.initial_rate_range_rpm * RPM
@@ -181,14 +183,14 @@ class EncounterCheck:
             surely, utmost = getattr(worst, what), getattr(best, what)
             if self.known and now.min() > utmost + spare:
                 raise ScenarioError(
-                    f"spacecraft.wheel.{key} = {getattr(scenario.spacecraft.wheel, key):g}: at the visit the line of sight "
+                    f"spacecraft.wheel.{key} = {getattr(scenario.spacecraft.wheel, key):g}: at the arrival the line of sight "
                     f"has an angular {what} of {now.min():.3g} {unit}, and the wheels give the spacecraft {utmost:.3g} {unit} "
                     f"at most; raise it, design.imaging_altitude_m or design.time_of_flight_s (a slower flyby)"
                 )
             if peak.max() > surely - spare:
                 less = f", and the initial tumbling may take {spare:.3g} {unit} of that" if spare else ""
                 found.append(
-                    f"the line of sight reaches an angular {what} of {peak.max():.3g} {unit} near the visit; about the worst "
+                    f"the line of sight reaches an angular {what} of {peak.max():.3g} {unit} near the arrival; about the worst "
                     f"axis across the camera's the wheels give {surely:.3g} {unit} (about the best {utmost:.3g}){less}: raise "
                     f"spacecraft.wheel.{key}, design.imaging_altitude_m or design.time_of_flight_s"
                 )
@@ -196,7 +198,7 @@ class EncounterCheck:
 
     def _of_steps(self) -> list[str]:
         """What holding forces and torques for a control period does to path and pointing."""
-        met, period, found = self.visit, self.scenario.control.period_s, []
+        met, period, found = self.arrival, self.scenario.control.period_s, []
         # Held at the middle of each period, gravity is wrong by its change: T^2 / 24 of velocity and T^2 / 12 of place.
         pull = float(np.linalg.norm(met.a_N, axis=1).max())
         if (drift := period**2 / 8.0 * pull) > GRAVITY_DRIFT_M:
@@ -214,7 +216,7 @@ class EncounterCheck:
 
     def _of_pictures(self) -> list[str]:
         """The interval of pictures against the passage and the footprint; the way in against the turn to the body."""
-        scenario, met = self.scenario, self.visit
+        scenario, met = self.scenario, self.arrival
         radius, interval, found = scenario.behavior.imaging_radius_m, scenario.observation.interval_s, []
         entry_s, passage = zip(*(_passage(met.r_N[j], met.v_N[j], radius) for j in range(len(met.t))), strict=True)
         if scenario.observation.criterion == "passage":
@@ -234,7 +236,7 @@ class EncounterCheck:
                 j = int(np.argmax(moved / wide))
                 found.append(
                     f"observation.interval_s = {interval:g}: the ground moves by {moved[j]:.3g} m from picture to picture at "
-                    f"the visit, and a picture is {wide[j]:.3g} m wide: pictures do not join; at most "
+                    f"the arrival, and a picture is {wide[j]:.3g} m wide: pictures do not join; at most "
                     f"{at_most(interval * wide[j] / moved[j])} s"
                 )
         least = slew_time(pi, turning_limits(self.properties)[0])
@@ -244,39 +246,39 @@ class EncounterCheck:
             j = min(late, key=lambda j: entry_s[j])
             needed = float(np.linalg.norm(met.r_N[j] - least * met.v_N[j]))
             found.append(
-                f"behavior.imaging_radius_m = {radius:g}: it is crossed {entry_s[j]:.3g} s before the visit, and half a turn "
+                f"behavior.imaging_radius_m = {radius:g}: it is crossed {entry_s[j]:.3g} s before the arrival, and half a turn "
                 f"about the worst axis takes the wheels {at_least(least)} s; {at_least(needed)} m gives that time"
             )
         return found
 
-    def _of_smear(self) -> list[str]:
-        """The commanded smear of cells against its limit."""
-        met, limit = self.visit, self.scenario.observation.max_smear_px
+    def _of_motion_blur(self) -> list[str]:
+        """The commanded motion blur of cells against its limit."""
+        met, limit = self.arrival, self.scenario.observation.max_motion_blur_px
         if limit is None:
             return []
-        smear = [self._smear(float(met.t[j]), met.r_N[j], met.v_N[j]) for j in range(len(met.t))]
-        shown = np.concatenate([one[~np.isnan(one)] for one in smear])
+        motion_blur = [self._motion_blur(float(met.t[j]), met.r_N[j], met.v_N[j]) for j in range(len(met.t))]
+        shown = np.concatenate([one[~np.isnan(one)] for one in motion_blur])
         if not len(shown) or shown.max() <= limit:
             return []
         exposure = self.scenario.camera.exposure_s or 0.0
-        if self.known and shown.min() > limit and self._all_smear():
+        if self.known and shown.min() > limit and self._all_motion_blur():
             raise ScenarioError(
-                f"observation.max_smear_px = {limit:g}: every face smears more in every picture, by {shown.min():.3g} to "
-                f"{shown.max():.3g} px at the visit; camera.exposure_s = {exposure:g}: must be at most "
-                f"{at_most(exposure * limit / shown.min())}, or raise max_smear_px"
+                f"observation.max_motion_blur_px = {limit:g}: every face blurs more in every picture, by {shown.min():.3g} to "
+                f"{shown.max():.3g} px at the arrival; camera.exposure_s = {exposure:g}: must be at most "
+                f"{at_most(exposure * limit / shown.min())}, or raise max_motion_blur_px"
             )
         share = 100.0 * float(np.mean(shown > limit))
         return [
-            f"observation.max_smear_px = {limit:g}: {share:.0f} % of the faces in the pictures of the visit smear more, up to "
-            f"{shown.max():.3g} px; camera.exposure_s = {at_most(exposure * limit / shown.max())} would keep all of them"
+            f"observation.max_motion_blur_px = {limit:g}: {share:.0f} % of the faces in pictures of the arrival blur more, "
+            f"up to {shown.max():.3g} px; camera.exposure_s = {at_most(exposure * limit / shown.max())} would keep all of them"
         ]
 
-    def _all_smear(self) -> bool:
-        """Whether every cell smears more than the limit in every picture that counts, by the commanded rates."""
+    def _all_motion_blur(self) -> bool:
+        """Whether every cell blurs more than the limit in every qualifying image, by the commanded rates."""
         scenario, deployment, forces = self.scenario, self.deployment, self.environment.acceleration_N
-        if scenario.observation.criterion == "visit":
+        if scenario.observation.criterion == "arrival":
             return True
-        limit = scenario.observation.max_smear_px or inf
+        limit = scenario.observation.max_motion_blur_px or inf
         schedule = schedule_from(scenario, scenario.telemetry.interval_s)
         ticks = (
             schedule.ticks(round(scenario.duration_s / scenario.telemetry.interval_s)) * scenario.telemetry.interval_s
@@ -288,13 +290,13 @@ class EncounterCheck:
             r_N, v_N = (states[1:, 0] for states in propagate(forces, *start, times, rtol=ROUGH))
             inside = np.flatnonzero(np.linalg.norm(r_N, axis=1) <= scenario.behavior.imaging_radius_m)
             for k in inside[:: 1 + len(inside) // MOST_PICTURES]:
-                smear = self._smear(float(times[k + 1]), r_N[k], v_N[k])
-                if (smear[~np.isnan(smear)] <= limit).any():
+                motion_blur = self._motion_blur(float(times[k + 1]), r_N[k], v_N[k])
+                if (motion_blur[~np.isnan(motion_blur)] <= limit).any():
                     return False
         return True
 
-    def _smear(self, t: float, r_N: Array, v_N: Array) -> Array:
-        """Smear of the cells in a picture towards the body's centre [px], NaN where it does not show one, shape (cells,)."""
+    def _motion_blur(self, t: float, r_N: Array, v_N: Array) -> Array:
+        """Of the cells in a picture towards the body's centre [px], NaN where it does not show one, shape (cells,)."""
         region, camera = self.region, camera_from(self.scenario)
         C_AN, spin_N = self.environment.C_AN(t), self.environment.spin_N
         pose = look_at(C_AN @ r_N, np.zeros(3))
@@ -303,11 +305,11 @@ class EncounterCheck:
         limits = limits_of(self.scenario.observation, camera, region)
         distance, height = sight(region, pose.r_A)
         shown = (height > 0.0) & (distance <= limits.max_range) & camera.contains(pose.to_camera(region.centroid_A))
-        return np.where(shown, smear_px(region, camera, pose.r_A, pose.C_CA, motion), np.nan)
+        return np.where(shown, motion_blur_px(region, camera, pose.r_A, pose.C_CA, motion), np.nan)
 
 
 def _passage(r_N: Array, v_N: Array, radius: float) -> tuple[float, float]:
-    """Times on a straight line from the entry to the visit, and from the entry to the exit [s]; infinite where it rests."""
+    """Times on a straight line from the entry to the arrival, and from the entry to the exit [s]; infinite where it rests."""
     speed = float(np.linalg.norm(v_N))
     if speed == 0.0:
         return inf, inf

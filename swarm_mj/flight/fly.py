@@ -140,7 +140,7 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
             period=scenario.control.period_s,
             gravity_gradient=scenario.perturbations.gravity_gradient_torque,
             fault_model=fault_model_from(scenario),
-            quickest_slews=scenario.control.slew == "time_optimal",
+            minimum_time_slews=scenario.control.slew == "time_optimal",
         ),
         behavior.for_flight(plan) if isinstance(behavior, MissionBehavior) else behavior,
         plan.controller,

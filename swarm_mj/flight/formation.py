@@ -17,7 +17,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.coordination import FORMATION_AIRTIME, add_messages, links_of
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import SwarmView
-from swarm_mj.mission.covariance import visit_axes
+from swarm_mj.mission.covariance import arrival_axes
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.scenarios.schema_swarm import Formation
 from swarm_mj.simulator.simulation import Simulation
@@ -43,10 +43,10 @@ def structure_of(plan: Plan, formation: Formation) -> Structure:
         return planned
     if formation.offsets_m is None:
         return offset_structure(planned, times, planned.offsets(formation.start_s)[0], None)
-    visit = float(deployment.arrival_s.mean())
+    arrival = float(deployment.arrival_s.mean())
     axes = np.eye(3)
-    if formation.frame == "visit":
-        axes = visit_axes(planned.centre(visit)[None], planned.centre(visit, 1)[None])[0]
+    if formation.frame == "arrival":
+        axes = arrival_axes(planned.centre(arrival)[None], planned.centre(arrival, 1)[None])[0]
     offsets = np.array(formation.offsets_m) @ axes
     if formation.shape == "cartesian":
         return offset_structure(planned, times, offsets, None)

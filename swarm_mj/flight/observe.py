@@ -29,9 +29,9 @@ from swarm_mj.observation.capture import (
 )
 from swarm_mj.observation.cause import Cause
 from swarm_mj.observation.coverage import CoverageMap, KeptPictures, Shown
+from swarm_mj.observation.motion_blur import Motion, motion_blur_px
 from swarm_mj.observation.observer import Observer, make_observer
-from swarm_mj.observation.smear import Motion, smear_px
-from swarm_mj.scenarios.itinerary import visit_times
+from swarm_mj.scenarios.itinerary import arrival_times
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.simulator.telemetry import VARIABLES, working
@@ -81,8 +81,8 @@ class ObservationResult:
         images: Number of pictures judged.
         why: `Cause` why each cell does not count by the scenario's criterion, in the picture that came nearest to that, (n,).
         kept: By which picture each spacecraft keeps each cell that counts by the scenario's criterion.
-        smear_px: Smear of each cell in the sharpest picture of the visit that has it in the field of view [px], NaN where none
-            has, shape (n,); None where the camera has no exposure or the flight was read back.
+        motion_blur_px: Of each cell in the sharpest picture of the arrival that has it in the field of view [px], NaN where
+            none has, shape (n,); None where the camera has no exposure or the flight was read back.
         delivery: What of it reaches Earth; None where that was not computed.
     """
 
@@ -93,7 +93,7 @@ class ObservationResult:
     images: int
     why: NDArray[np.int8]
     kept: KeptPictures
-    smear_px: Array | None = None
+    motion_blur_px: Array | None = None
     delivery: Delivery | None = None
 
 
@@ -110,12 +110,12 @@ def camera_from(scenario: Scenario) -> CameraModel:
 
 
 def schedule_from(scenario: Scenario, period_s: float) -> PictureSchedule:
-    """When pictures that count are taken, by the scenario, in instants of a clock with this period [s]."""
+    """When qualifying images are taken, by the scenario, in instants of a clock with this period [s]."""
     return PictureSchedule.by_clock(
         period_s,
         interval_s=scenario.observation.interval_s,
-        visits_s=visit_times(scenario),
-        visit_only=scenario.observation.criterion == "visit",
+        arrivals_s=arrival_times(scenario),
+        arrival_only=scenario.observation.criterion == "arrival",
     )
 
 
@@ -133,7 +133,7 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
     """Measure what the observers' cameras saw during a flight.
 
     A spacecraft takes a picture every `observation.interval_s` while it tracks the asteroid, and one at the instant of the
-    visit. A dedicated communications spacecraft takes none.
+    arrival. A dedicated communications spacecraft takes none.
 
     Args:
         plan: The plan that was flown, or what is known of a flight that was flown elsewhere.
@@ -145,48 +145,48 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
     """
     scenario = plan.scenario
     criterion = scenario.observation
-    passage, visit = (CoverageMap(plan.region.area, plan.n) for _ in range(2))
-    visits_s = telemetry["time"].values[visit_samples(scenario)]
+    passage, arrival = (CoverageMap(plan.region.area, plan.n) for _ in range(2))
+    arrivals_s = telemetry["time"].values[arrival_samples(scenario)]
     observer = observer_from(scenario, plan.region)
     limits = limits_of(criterion, observer.camera, plan.region)
     kept = KeptPictures(plan.region.n_cells, plan.n, scenario.data.pictures)
     least_px, why = np.full(plan.region.n_cells, np.nan), np.full(plan.region.n_cells, Cause.NO_PICTURE, np.int8)
-    visit_only = scenario.observation.criterion == "visit"
+    arrival_only = scenario.observation.criterion == "arrival"
     images, light = 0, _Light(observer, criterion)
     try:
         for picture in flight_pictures(plan, telemetry):
             cause = causes(observer, picture.pose, criterion, motion=picture.motion, light=partial(light.at, picture))
             seen = cause == Cause.NONE
             passage.add(picture.t, picture.spacecraft, seen)
-            at_visit = picture.t == visits_s[picture.spacecraft]
-            if at_visit:
-                visit.add(picture.t, picture.spacecraft, seen)
-                least_px = np.fmin(least_px, _smear_in(observer, picture))
-            if at_visit or not visit_only:
+            at_arrival = picture.t == arrivals_s[picture.spacecraft]
+            if at_arrival:
+                arrival.add(picture.t, picture.spacecraft, seen)
+                least_px = np.fmin(least_px, _motion_blur_in(observer, picture))
+            if at_arrival or not arrival_only:
                 why = np.maximum(why, cause)
                 cells = np.flatnonzero(seen)
                 gsd_m = ground_sampling_distance(limits, *sight(plan.region, picture.r_A, cells))
                 incidence_deg = np.degrees(incidence(plan.region, picture.sun_A)[cells])
                 shown = Shown(picture.t, picture.spacecraft, cells)
-                kept.add(shown, gsd_m, incidence_deg, float(visits_s[picture.spacecraft]))
+                kept.add(shown, gsd_m, incidence_deg, float(arrivals_s[picture.spacecraft]))
             images += 1
             if progress is not None:
                 progress(images)
         for picture in flight_pictures(plan, telemetry, camera_on=False):
-            if not visit_only or picture.t == visits_s[picture.spacecraft]:
+            if not arrival_only or picture.t == arrivals_s[picture.spacecraft]:
                 would = observe(observer, picture.r_A, picture.C_CA, criterion, picture.sun_A, picture.motion)
                 why[would & (why != Cause.NONE)] = Cause.CAMERA_OFF
     finally:
         observer.close()
     return ObservationResult(
-        coverage=visit if visit_only else passage,
+        coverage=arrival if arrival_only else passage,
         passage=passage,
         observer=observer.name,
         note=WHOLE_NOTE if criterion.whole else observer.note,
         images=images,
         why=why,
         kept=kept,
-        smear_px=least_px if scenario.camera.exposure_s else None,
+        motion_blur_px=least_px if scenario.camera.exposure_s else None,
     )
 
 
@@ -204,14 +204,14 @@ class _Light:
         return self._last[1]
 
 
-def _smear_in(observer: Observer, picture: Picture) -> Array:
-    """Smear of the cells whose near side is in a picture [px], NaN elsewhere, shape (n,)."""
+def _motion_blur_in(observer: Observer, picture: Picture) -> Array:
+    """Motion blur of the cells whose near side is in a picture [px], NaN elsewhere, shape (n,)."""
     region, camera = observer.region, observer.camera
     if picture.motion is None:
         return np.full(region.n_cells, np.nan)
     _, height = sight(region, picture.r_A)
     shown = (height > 0.0) & camera.contains(picture.pose.to_camera(region.centroid_A))
-    return np.where(shown, smear_px(region, camera, picture.r_A, picture.C_CA, picture.motion), np.nan)
+    return np.where(shown, motion_blur_px(region, camera, picture.r_A, picture.C_CA, picture.motion), np.nan)
 
 
 def flight_pictures(plan: Observed, telemetry: xr.Dataset, *, camera_on: bool = True) -> Iterator[Picture]:
@@ -243,14 +243,14 @@ def watching_in(telemetry: xr.Dataset, n_observers: int, *, camera_on: bool = Tr
     return watching(n_observers, telemetry["mode"].values, works & (on == camera_on))
 
 
-def visit_samples(scenario: Scenario) -> Ints:
-    """Number of the telemetry sample at the visit of each observer, shape (n_obs,)."""
-    return np.array(schedule_from(scenario, scenario.telemetry.interval_s).visits)
+def arrival_samples(scenario: Scenario) -> Ints:
+    """Number of the telemetry sample at the arrival of each observer, shape (n_obs,)."""
+    return np.array(schedule_from(scenario, scenario.telemetry.interval_s).arrivals)
 
 
-def visit_sample(scenario: Scenario) -> int:
-    """The same of the last visit, for what shows the swarm as a whole."""
-    return int(visit_samples(scenario).max())
+def arrival_sample(scenario: Scenario) -> int:
+    """The same of the last arrival, for what shows the swarm as a whole."""
+    return int(arrival_samples(scenario).max())
 
 
 def picture_samples(scenario: Scenario, telemetry: xr.Dataset) -> Ints:
@@ -260,7 +260,7 @@ def picture_samples(scenario: Scenario, telemetry: xr.Dataset) -> Ints:
 
 def _passage(scenario: Scenario) -> PictureSchedule:
     """The pictures of the whole passage, whatever counts."""
-    return replace(schedule_from(scenario, scenario.telemetry.interval_s), visit_only=False)
+    return replace(schedule_from(scenario, scenario.telemetry.interval_s), arrival_only=False)
 
 
 def add_coverage(telemetry: xr.Dataset, result: ObservationResult) -> None:

@@ -26,7 +26,7 @@ from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.control.force import ForceView
 from swarm_mj.typing import Array, Ints
 
-#: Points between first correction and visit at which the effect of a push is known; between them by cubic splines.
+#: Points between first correction and arrival at which the effect of a push is known; between them by cubic splines.
 GRID = 65
 #: Rounds in which the middle of a burn and its size are made to fit each other.
 ROUNDS = 8
@@ -40,7 +40,7 @@ class CorrectionAnalysis:
         plan: What is to be flown.
         legs: Planned flights, cut at the corrections.
         errors: What is not as planned.
-        spread: What that makes of the visit and of the burns.
+        spread: What that makes of the arrival and of the burns.
     """
 
     plan: Plan
@@ -76,22 +76,22 @@ def legs_of(plan: Plan) -> Legs:
     return plan_legs(acceleration, deployment.release_r_N, deployment.v0_N, times)
 
 
-def knots(scenario: Scenario, release_s: Array, visit_s: Array) -> Array:
-    """Release, corrections in order of time, visit of each spacecraft, shape (n, m + 2) [s].
+def knots(scenario: Scenario, release_s: Array, arrival_s: Array) -> Array:
+    """Release, corrections in order of time, arrival of each spacecraft, shape (n, m + 2) [s].
 
     Raises:
-        ScenarioError: A correction is not between release and visit, or is where another one is.
+        ScenarioError: A correction is not between release and arrival, or is where another one is.
     """
     columns = []
     for k, correction in enumerate(scenario.trajectory.corrections):
-        after, before = correction.after_release_s, correction.before_visit_s
-        at = release_s + after if after is not None else visit_s - (before or 0.0)
-        outside = np.flatnonzero(~((at > release_s) & (at < visit_s)))
+        after, before = correction.after_release_s, correction.before_arrival_s
+        at = release_s + after if after is not None else arrival_s - (before or 0.0)
+        outside = np.flatnonzero(~((at > release_s) & (at < arrival_s)))
         if len(outside):
             j = int(outside[0])
             raise ScenarioError(
-                f"trajectory.corrections.{k}.{correction.key}: sc{j + 1} flies {visit_s[j] - release_s[j]:g} s from release to "
-                "visit; must be less than that"
+                f"trajectory.corrections.{k}.{correction.key}: sc{j + 1} flies {arrival_s[j] - release_s[j]:g} s from "
+                "release to arrival; must be less than that"
             )
         columns.append(at)
     times = np.sort(np.array(columns).reshape(-1, len(release_s)), axis=0)
@@ -100,7 +100,7 @@ def knots(scenario: Scenario, release_s: Array, visit_s: Array) -> Array:
             "trajectory.corrections: two are at the same time for a spacecraft; must lie at least control.period_s = "
             f"{scenario.control.period_s:g} s apart; leave one out"
         )
-    return np.vstack((release_s, times, visit_s)).T
+    return np.vstack((release_s, times, arrival_s)).T
 
 
 def errors_of(plan: Plan) -> FlightErrors:
@@ -174,7 +174,7 @@ class CorrectionLaw:
     ) -> None:
         self._legs, self._errors, self._seed = legs, errors, seed
         self._thrust, self._least = thrusters.thrust_n, thrusters.min_impulse_bit_n_s
-        self._to_visit = legs.to_visit
+        self._to_arrival = legs.to_arrival
         self._drawn: dict[tuple[int, int], Array] = {}  # by spacecraft and correction, kept because drawing takes long
         self._effect = [_effect_of_pushes(legs, environment, j) for j in range(len(legs.times))]
 
@@ -211,7 +211,7 @@ class CorrectionLaw:
             error = error * stream(self._seed, Stream.NAVIGATION, k, int(j)).standard_normal(6)
             planned = np.concatenate((legs.r_N[j, k + 1] + late * legs.v_N[j, k + 1], legs.v_N[j, k + 1]))
             known = np.concatenate((view.r_BN_N[j], view.v_BN_N[j])) - planned + error
-            miss[j], done[j] = self._to_visit[j, k + 1, :3] @ known, k + 1
+            miss[j], done[j] = self._to_arrival[j, k + 1, :3] @ known, k + 1
         return replace(memory, done=done)
 
     def _push(self, view: ForceView, memory: _Memory, j: int) -> Array:
@@ -223,7 +223,7 @@ class CorrectionLaw:
         for _ in range(ROUNDS):
             delta_v = -np.linalg.solve(self._effect[j](middle), memory.miss[j])
             lasts = np.linalg.norm(delta_v) * view.mass[j] / self._thrust
-            # Not above half of the time left: a longer burn cannot end before the visit, but may do what it can.
+            # Not above half of the time left: a longer burn cannot end before the arrival, but may do what it can.
             middle = view.t + 0.5 * min(max(lasts, view.period), left)
         impulse = delta_v * view.mass[j]
         if np.linalg.norm(impulse) < max(self._least, 1e-12):
@@ -248,8 +248,8 @@ def correction_law(plan: Plan) -> CorrectionLaw | None:
 
 
 def _effect_of_pushes(legs: Legs, environment: Environment, j: int) -> CubicSpline:
-    """Phi_rv(visit, t) of one spacecraft from its first correction to its visit, (3, 3) [s] as a function of t [s]."""
+    """Phi_rv(arrival, t) of one spacecraft from its first correction to its arrival, (3, 3) [s] as a function of t [s]."""
     times = np.linspace(legs.times[j, 1], legs.times[j, -1], GRID)
     flown = transitions(environment.acceleration_N, legs.r_N[j : j + 1, 1], legs.v_N[j : j + 1, 1], times)
-    to_visit = flown.phi[-1, 0] @ inverse(flown.phi[:, 0], times[-1] - times[0])
-    return CubicSpline(times, to_visit[:, :3, 3:])
+    to_arrival = flown.phi[-1, 0] @ inverse(flown.phi[:, 0], times[-1] - times[0])
+    return CubicSpline(times, to_arrival[:, :3, 3:])

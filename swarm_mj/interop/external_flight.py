@@ -19,7 +19,7 @@ import xarray as xr
 
 from swarm_mj.errors import InteropError
 from swarm_mj.flight.environment import environment_from, load_body_shape
-from swarm_mj.flight.observe import visit_sample
+from swarm_mj.flight.observe import arrival_sample
 from swarm_mj.flight.targets import target_from, true_target
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.target import TargetRegion
@@ -148,7 +148,7 @@ def scenario_of(paths: Sequence[Track], body: dict[str, Any]) -> dict[str, Any]:
         "epoch": text_of(begin),
         "duration_s": duration,
         "body": body,
-        # The visit is the closest approach of the first spacecraft.
+        # The arrival is the closest approach of the first spacecraft.
         "design": {
             "visiting_points": [1] * len(paths),
             "time_of_flight_s": _closest(paths[0], begin, duration, interval),
@@ -181,16 +181,17 @@ def foreign_flight(
     """
     if pointing not in POINTINGS:
         raise InteropError(f"pointing = {pointing!r}: must be {' or '.join(POINTINGS)}")
-    if scenario.observation.max_smear_px is not None:
+    if scenario.observation.max_motion_blur_px is not None:
         raise InteropError(
-            f"observation.max_smear_px = {scenario.observation.max_smear_px:g}: smear needs velocities and body rates, and of "
-            "a flight from files only places and attitudes are read; set observation.max_smear_px=null"
+            f"observation.max_motion_blur_px = {scenario.observation.max_motion_blur_px:g}: motion blur needs "
+            "velocities and body rates, and of a flight from files only places and attitudes are read; set "
+            "observation.max_motion_blur_px=null"
         )
     scene = Scene(scenario)
     poses = [_poses(scene, path, pointing, *attitudes[j : j + 1]) for j, path in enumerate(paths)]
     telemetry = scene.telemetry(poses)
-    if scenario.observation.criterion == "visit":
-        _check_visit(scene, paths, telemetry)
+    if scenario.observation.criterion == "arrival":
+        _check_arrival(scene, paths, telemetry)
     assumed = [note for track in (*paths, *attitudes) for note in track.notes]
     if not attitudes:
         words = "the body's centre (nadir)" if pointing == "nadir" else "the target's centre"
@@ -307,11 +308,11 @@ def _check_outside(scene: Scene, path: Track, r_A: Array, known: Mask) -> None:
         )
 
 
-def _check_visit(scene: Scene, paths: Sequence[Track], telemetry: xr.Dataset) -> None:
-    k = visit_sample(scene.scenario)
+def _check_arrival(scene: Scene, paths: Sequence[Track], telemetry: xr.Dataset) -> None:
+    k = arrival_sample(scene.scenario)
     if not telemetry["camera_on"].values[k].any():
         raise InteropError(
-            f"observation.criterion = visit: at the visit, {text_of(int(scene.ns[k]))} TDB, none of "
+            f"observation.criterion = arrival: at the arrival, {text_of(int(scene.ns[k]))} TDB, none of "
             f"{', '.join(path.source for path in paths)} is known or in the imaging region; set design.time_of_flight_s, or "
             "observation.criterion=passage"
         )

@@ -1,4 +1,4 @@
-"""A flight as a glTF scene (a binary .glb file): body and spacecraft as at the visit, paths, fields of view.
+"""A flight as a glTF scene (a binary .glb file): body and spacecraft as at the arrival, paths, fields of view.
 
 The scene is in N turned so that N's z axis is glTF's y axis, up; lengths are metres in single precision. Spacecraft are
 drawn as boxes many times their size: their nodes' extras say how many times.
@@ -30,7 +30,7 @@ def write_scene(states: FlightStates) -> bytes:
 
     scene = trimesh.Scene(metadata={"comments": list(states.comments)})
     scene.graph.update(frame_from="world", frame_to="N", matrix=UP)
-    k = states.visit
+    k = states.arrival
     shape = states.plan.shape
     body = trimesh.Trimesh(shape.vertices, shape.faces, face_colors=(150, 145, 138, 255), process=False)
     C_AN = states.plan.environment.C_AN(float(states.times[k]))
@@ -70,7 +70,7 @@ def _path(r_N: Array) -> Array:
 
 def _field_of_view(states: FlightStates, j: int) -> Array:
     """One line along the edges of the field of view, in B, as far as the body's centre."""
-    reach = float(np.linalg.norm(states.states_N[states.visit, j, :3]))
+    reach = float(np.linalg.norm(states.states_N[states.arrival, j, :3]))
     half = reach * states.camera.tan_half_angle
     if states.camera.shape == "cone":
         angles = np.linspace(0.0, 2.0 * np.pi, 33)

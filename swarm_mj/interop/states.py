@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import xarray as xr
 
-from swarm_mj.flight.observe import camera_from, visit_sample
+from swarm_mj.flight.observe import arrival_sample, camera_from
 from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.smallbody.naif import BodyName
@@ -106,9 +106,9 @@ class FlightStates:
         return steady(quaternions(dcm(self.telemetry["sigma_BN"].values) @ C_EN.T))
 
     @cached_property
-    def visit(self) -> int:
-        """Number of the sample at the instant of the visit."""
-        return visit_sample(self.plan.scenario)
+    def arrival(self) -> int:
+        """Number of the sample at the instant of the arrival."""
+        return arrival_sample(self.plan.scenario)
 
 
 def states_of(plan: Plan, telemetry: xr.Dataset) -> FlightStates:

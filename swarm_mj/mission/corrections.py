@@ -4,7 +4,7 @@ Fixed time of arrival: at a correction at t_c the change of velocity is
 
     delta_v = -Phi_rv(t_v, t_c)^-1 [Phi_rr(t_v, t_c) dr + Phi_rv(t_v, t_c) dv],
 
-with (dr, dv) how far the state lies from the planned one as far as the spacecraft knows, and t_v the visit (Battin 1999, An
+with (dr, dv) how far the state lies from the planned one as far as the spacecraft knows, and t_v the arrival (Battin 1999, An
 Introduction to the Mathematics and Methods of Astrodynamics, section 11.1). States are in N, metres and seconds.
 """
 
@@ -21,7 +21,7 @@ from swarm_mj.mission.transition import inverse, transitions
 from swarm_mj.typing import Array
 
 #: Worst condition of Phi_rv with which a correction is still one: beyond, a metre costs a million times more in one direction
-#: than in another, as half a revolution before the visit.
+#: than in another, as half a revolution before the arrival.
 WORST_CONDITION = 1e6
 
 
@@ -30,7 +30,7 @@ class Legs:
     """Planned flights of n spacecraft, each cut at its m corrections.
 
     Attributes:
-        times: Release, corrections in order, visit of each spacecraft, shape (n, m + 2) [s].
+        times: Release, corrections in order, arrival of each spacecraft, shape (n, m + 2) [s].
         r_N: Planned positions at these times, shape (n, m + 2, 3) [m].
         v_N: Planned velocities, shape (n, m + 2, 3) [m/s].
         phi: State transition matrix of each leg, from one time to the next, shape (n, m + 1, 6, 6).
@@ -47,8 +47,8 @@ class Legs:
         return self.times.shape[1] - 2
 
     @property
-    def to_visit(self) -> Array:
-        """Phi(visit, t) from each of the times before it, shape (n, m + 1, 6, 6)."""
+    def to_arrival(self) -> Array:
+        """Phi(arrival, t) from each of the times before it, shape (n, m + 1, 6, 6)."""
         phi = self.phi.copy()
         for k in reversed(range(self.n_corrections)):
             phi[:, k] = phi[:, k + 1] @ self.phi[:, k]
@@ -59,18 +59,18 @@ class Legs:
         """What a correction answers to a deviation of the state, shape (n, m, 3, 6): `delta_v = gain @ (dr, dv)`.
 
         Raises:
-            MissionError: A change of velocity at a correction cannot reach all directions at the visit.
+            MissionError: A change of velocity at a correction cannot reach all directions at the arrival.
         """
-        to_visit, time_left = self.to_visit[:, 1:], self.times[:, -1:] - self.times[:, 1:-1]
-        phi_rv = to_visit[..., :3, 3:]
+        to_arrival, time_left = self.to_arrival[:, 1:], self.times[:, -1:] - self.times[:, 1:-1]
+        phi_rv = to_arrival[..., :3, 3:]
         bad = ~(np.linalg.cond(phi_rv / time_left[..., None, None]) < WORST_CONDITION)
         if bad.any():
             j, k = np.argwhere(bad)[0]
             raise MissionError(
-                f"sc{j + 1}: correction {k + 1}, {time_left[j, k]:g} s before the visit, cannot move the visit in every "
+                f"sc{j + 1}: correction {k + 1}, {time_left[j, k]:g} s before the arrival, cannot move the arrival in every "
                 "direction (its Phi_rv is singular, as half a revolution before); move it in trajectory.corrections"
             )
-        return np.asarray(-np.linalg.solve(phi_rv, to_visit[..., :3, :]))
+        return np.asarray(-np.linalg.solve(phi_rv, to_arrival[..., :3, :]))
 
 
 def plan_legs(acceleration: AccelerationN, r0_N: Array, v0_N: Array, times: Array) -> Legs:
@@ -80,7 +80,7 @@ def plan_legs(acceleration: AccelerationN, r0_N: Array, v0_N: Array, times: Arra
         acceleration: Function (t, r (n, 3)) -> (n, 3) [m/s^2] in N.
         r0_N: Positions at release, shape (n, 3) [m].
         v0_N: Velocities at release, shape (n, 3) [m/s].
-        times: Release, corrections, visit of each spacecraft, increasing, shape (n, m + 2) [s].
+        times: Release, corrections, arrival of each spacecraft, increasing, shape (n, m + 2) [s].
 
     Raises:
         MissionError: A trajectory cannot be integrated.

@@ -1,4 +1,4 @@
-"""Linear covariance: how errors of release, navigation and burns spread through corrections to the visit.
+"""Linear covariance: how errors of release, navigation and burns spread through corrections to the arrival.
 
 A spacecraft that knows its state with an error e burns `gain @ (x + e)`, and the burn itself errs in size and direction. To
 first order the covariance of the state then follows without flying (Geller 2006, JGCD 29, 1404); the errors of burns are
@@ -53,25 +53,25 @@ class Spread:
     """What linear covariance says of n spacecraft and m corrections.
 
     Attributes:
-        at_visit: Covariance of the state at the visit with the first 0, 1, ..., m corrections flown, shape (m + 1, n, 6, 6).
+        at_arrival: Covariance of the state at arrival with the first 0, 1, ..., m corrections flown, shape (m + 1, n, 6, 6).
         before: Just before each correction, shape (m, n, 6, 6).
         delta_v: Of each correction's burn, shape (m, n, 3, 3) [m^2/s^2].
     """
 
-    at_visit: Array
+    at_arrival: Array
     before: Array
     delta_v: Array
 
 
 def spread(legs: Legs, errors: FlightErrors) -> Spread:
-    """Carry the covariance of the release through the corrections to the visit.
+    """Carry the covariance of the release through the corrections to the arrival.
 
     Raises:
         MissionError: A correction has no solution; see `Legs.gain`.
     """
-    m, gain, to_visit = legs.n_corrections, legs.gain, legs.to_visit
+    m, gain, to_arrival = legs.n_corrections, legs.gain, legs.to_arrival
     P, noise = errors.release, errors.navigation
-    at_visit, before, delta_v = [_carried(to_visit[:, 0], P)], [], []
+    at_arrival, before, delta_v = [_carried(to_arrival[:, 0], P)], [], []
     for k in range(m):
         P = _carried(legs.phi[:, k], P)
         K = gain[:, k]
@@ -81,10 +81,10 @@ def spread(legs: Legs, errors: FlightErrors) -> Spread:
         burnt[:, 3:] += K
         P = _carried(burnt, P)
         P[:, 3:, 3:] += _carried(K, noise) + burn_covariance(delta_v[-1], errors)
-        at_visit.append(_carried(to_visit[:, k + 1], P))
+        at_arrival.append(_carried(to_arrival[:, k + 1], P))
     n = len(P)
     return Spread(
-        at_visit=np.array(at_visit),
+        at_arrival=np.array(at_arrival),
         before=np.array(before).reshape(m, n, 6, 6),
         delta_v=np.array(delta_v).reshape(m, n, 3, 3),
     )
@@ -114,14 +114,14 @@ def burnt(wished: Array, errors: FlightErrors, rng: np.random.Generator) -> Arra
     return (1.0 + errors.magnitude * drawn[..., :1]) * wished + turned
 
 
-def visit_axes(r_N: Array, v_N: Array) -> Array:
-    """Rotation from N to the visit's axes R, T, S of each spacecraft, shape (n, 3, 3).
+def arrival_axes(r_N: Array, v_N: Array) -> Array:
+    """Rotation from N to the arrival's axes R, T, S of each spacecraft, shape (n, 3, 3).
 
     S is along the flight, R and T span the plane across it as in a B-plane: R lies in the plane of S and the body's centre
     and points outward, T completes R, T, S.
 
     Args:
-        r_N: Planned positions at the visit, shape (n, 3) [m].
+        r_N: Planned positions at the arrival, shape (n, 3) [m].
         v_N: Planned velocities, shape (n, 3) [m/s].
     """
     s = v_N / np.linalg.norm(v_N, axis=1, keepdims=True)

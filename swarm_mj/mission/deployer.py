@@ -20,7 +20,7 @@ from swarm_mj.typing import Array, Mask
 
 #: Why a spacecraft is left out, in a few words.
 BEYOND_THE_TANK = "beyond the tank"
-TOO_LONG = "with an insertion burn that does not end before the visit"
+TOO_LONG = "with an insertion burn that does not end before the arrival"
 #: A miss below this ends the shooting [m]; the thrusters' pulses miss by more.
 TOLERANCE_M = 1e-3
 MAX_ITERATIONS, STEP = 15, 1e-3
@@ -127,7 +127,7 @@ def _see_that_it_fits(j: int, delta_v: Array, push: Push, begin: float, end: flo
     if begin + burning >= end:
         raise PathError(
             f"sc{j + 1}: an insertion burn of {speed:.4g} m/s takes {burning:.4g} s at {push.force:.4g} N and does not end "
-            f"before the visit at t = {end:g} s; {_REMEDY.format(key='thrust_n')}",
+            f"before the arrival at t = {end:g} s; {_REMEDY.format(key='thrust_n')}",
             TOO_LONG,
             [j],
         )

@@ -41,8 +41,8 @@ def deploy(
         environment: Force model; its epoch is the flight's.
         mothership_N: Position of the mothership in N at the epoch, shape (3,) [m]; it coasts from there.
         mothership_velocity: In N, shape (3,) [m/s]; 'rest' in N; or 'mean' of the velocities that would carry all from the
-            mothership's place at the epoch to their points at their visits: of the deployed, where all leave then.
-        points_A: Where each spacecraft is at its visit, in A, shape (n, 3) [m].
+            mothership's place at the epoch to their points at their arrivals: of the deployed, where all leave then.
+        points_A: Where each spacecraft is at its arrival, in A, shape (n, 3) [m].
         release_s: When each leaves the mothership, past the epoch, shape (n,) [s].
         time_of_flight: From release to visit, shape (n,) [s].
         progress: See `solve_transfers`.

@@ -22,7 +22,7 @@ class DispersedFlights:
     """Many flights of n spacecraft with m corrections.
 
     Attributes:
-        deviation: Of the state from the planned one at the visit, shape (runs, n, 6) [m, m/s].
+        deviation: Of the state from the planned one at the arrival, shape (runs, n, 6) [m, m/s].
         delta_v: That the law asked for, shape (runs, n, m, 3) [m/s].
     """
 
@@ -76,18 +76,18 @@ def draw_linear(
     `spread`, longer tails than a normal variable, and no quantiles in closed form.
 
     Returns:
-        Position at the visit relative to the planned one with the first 0, 1, ..., m corrections flown, shape
+        Position at the arrival relative to the planned one with the first 0, 1, ..., m corrections flown, shape
         (m + 1, draws, 3) [m]; and each correction's change of velocity as the law asks for it, shape (m, draws, 3) [m/s].
     """
-    m, gain, to_visit = legs.n_corrections, legs.gain[j], legs.to_visit[j, :, :3]
+    m, gain, to_arrival = legs.n_corrections, legs.gain[j], legs.to_arrival[j, :, :3]
     x = _drawn(errors.release[j : j + 1], rng, draws)[:, 0]
     position, delta_v = np.zeros((m + 1, draws, 3)), np.zeros((m, draws, 3))
-    position[0] = x @ to_visit[0].T
+    position[0] = x @ to_arrival[0].T
     for k in range(m):
         x = x @ legs.phi[j, k].T
         delta_v[k] = (x + _knowledge_errors(errors, rng, (draws,))) @ gain[k].T
         x[:, 3:] += burnt(delta_v[k], errors, rng)
-        position[k + 1] = x @ to_visit[k + 1].T
+        position[k + 1] = x @ to_arrival[k + 1].T
     return position, delta_v
 
 

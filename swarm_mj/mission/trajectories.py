@@ -96,7 +96,7 @@ class Deployment:
         r0_N: The mothership at the epoch, shape (3,) [m].
         v0_N: Velocity of each spacecraft at its release, just after the deployer's push, shape (n, 3) [m/s].
         mothership_velocity_N: At the epoch, shape (3,) [m/s].
-        destination_N: Where each is at its visit, shape (n, 3) [m].
+        destination_N: Where each is at its arrival, shape (n, 3) [m].
         miss_m: Remaining distance to the destination, shape (n,) [m].
         release_s: When each leaves the mothership, past the epoch, shape (n,) [s]; before, it rides along.
         arrival_s: When each is at its destination, shape (n,) [s].

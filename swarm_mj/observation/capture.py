@@ -1,7 +1,7 @@
 """Taking pictures and judging them: who takes one when, from where, and which cells of the target count as observed in it.
 
-The picture loop: at even times and at the visit (`PictureSchedule`), each observer that looks at the body with a working camera
-(`takes_picture`) takes one picture from where it is (`pictures`). The criterion: a cell counts when it keeps the limits
+The picture loop: at even times and at the arrival (`PictureSchedule`), each observer that looks at the body with a working
+camera (`takes_picture`) takes one picture from where it is (`pictures`). The criterion: a cell counts when it keeps the limits
 (`keeps_limits`), shows enough of itself (`shows_enough`) and is lit (`lit_cells`), see `judge`. Of cells that do not count it
 tells the cause.
 
@@ -25,10 +25,10 @@ from swarm_mj.mission.behaviors import looks_at_body
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
 from swarm_mj.observation.cause import Cause
+from swarm_mj.observation.motion_blur import CameraMotion, Motion, motion_blur_px
 from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import barycentric_samples, sampled_fraction, shown_whole
-from swarm_mj.observation.smear import CameraMotion, Motion, smear_px
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.spacecraft.attitude.algebra import dot, relative_dcm, times
 from swarm_mj.typing import Array, Ints, Mask
@@ -45,31 +45,31 @@ class PictureSchedule:
 
     Attributes:
         every: Instants from one picture to the next.
-        visits: The instant of each observer's visit, at which it always takes one.
-        visit_only: Whether there is none besides.
+        arrivals: The instant of each observer's arrival, at which it always takes one.
+        arrival_only: Whether there is none besides.
     """
 
     every: int
-    visits: tuple[int, ...]
-    visit_only: bool = False
+    arrivals: tuple[int, ...]
+    arrival_only: bool = False
 
     @classmethod
     def by_clock(
-        cls, period_s: float, *, interval_s: float, visits_s: ArrayLike, visit_only: bool = False
+        cls, period_s: float, *, interval_s: float, arrivals_s: ArrayLike, arrival_only: bool = False
     ) -> PictureSchedule:
-        """The schedule of pictures every `interval_s` and at the visits [s], all whole multiples of the clock's period [s]."""
-        visits = tuple(round(float(t) / period_s) for t in np.atleast_1d(visits_s))
-        return cls(every=round(interval_s / period_s), visits=visits, visit_only=visit_only)
+        """The schedule of pictures every `interval_s` and at arrivals [s], all whole multiples of the clock's period [s]."""
+        arrivals = tuple(round(float(t) / period_s) for t in np.atleast_1d(arrivals_s))
+        return cls(every=round(interval_s / period_s), arrivals=arrivals, arrival_only=arrival_only)
 
     def due(self, tick: Any) -> Any:
         """Whether pictures of anybody are due at an instant, or an array of them."""
-        return np.isin(tick, self.visits) | ((not self.visit_only) & (tick % self.every == 0))
+        return np.isin(tick, self.arrivals) | ((not self.arrival_only) & (tick % self.every == 0))
 
     def takers(self, tick: int, n: int) -> Mask:
         """Whose pictures are due at an instant, of n spacecraft of which the observers are the first, shape (n,)."""
-        who = np.full(n, not self.visit_only and tick % self.every == 0)
+        who = np.full(n, not self.arrival_only and tick % self.every == 0)
         # Of a flight by files there may be fewer than the scenario has observers.
-        who[: len(self.visits)] |= np.array(self.visits[:n]) == tick
+        who[: len(self.arrivals)] |= np.array(self.arrivals[:n]) == tick
         return who
 
     def ticks(self, last: int) -> Ints:
@@ -132,7 +132,7 @@ def pictures(
         C_BN: Rotations from N to B, shape (n, 3, 3).
         C_AN: Rotation from N to A, shape (3, 3).
         sun_N: Position of the Sun relative to the body [m], shape (3,).
-        moving: How spacecraft and the body move, where smear matters.
+        moving: How spacecraft and the body move, where motion blur matters.
     """
     j = np.flatnonzero(who)
     sun_A = np.array(times(C_AN, sun_N))
@@ -161,7 +161,7 @@ class Limits(NamedTuple):
         min_cos_emission: Least cosine of the emission angle.
         max_range: [m].
         max_gsd: Largest ground sampling distance [m].
-        max_smear: Largest motion of the image during the exposure [px].
+        max_motion_blur: Largest motion of the image during the exposure [px].
         pixel_angle: Width of a pixel at unit distance [rad].
         min_share: Least visible share of a cell.
         max_pixel_area: Largest area of ground that a pixel may cover [m^2].
@@ -170,7 +170,7 @@ class Limits(NamedTuple):
     min_cos_emission: float
     max_range: float
     max_gsd: float
-    max_smear: float
+    max_motion_blur: float
     pixel_angle: float
     min_share: float
     max_pixel_area: float
@@ -183,7 +183,7 @@ def limits_of(criterion: Observation, camera: CameraModel, region: TargetRegion)
         min_cos_emission=cos(radians(emission)) if emission < 90.0 else 0.0,
         max_range=criterion.max_range_m or inf,
         max_gsd=criterion.max_gsd_m or inf,
-        max_smear=criterion.max_smear_px or inf,
+        max_motion_blur=criterion.max_motion_blur_px or inf,
         pixel_angle=camera.pixel_angle,
         min_share=ANY_PART if criterion.any_pixel else criterion.min_fraction,
         max_pixel_area=float(np.median(region.area)) / criterion.min_pixels if criterion.min_pixels else inf,
@@ -191,14 +191,14 @@ def limits_of(criterion: Observation, camera: CameraModel, region: TargetRegion)
 
 
 @jittable
-def keeps_limits(limits: Limits, distance: Any, height: Any, smear: Any = 0.0) -> Any:
-    """Whether cells keep the limits of emission angle, range, ground sampling distance, pixels and smear.
+def keeps_limits(limits: Limits, distance: Any, height: Any, motion_blur: Any = 0.0) -> Any:
+    """Whether cells keep the limits of emission angle, range, ground sampling distance, pixels and motion blur.
 
     Args:
         limits: In numbers.
         distance: From the cell's centroid to the camera [m].
         height: Of the camera above the plane of the cell [m].
-        smear: Motion of the cell's image during the exposure [px], see `smear_px`; 0 is its least, for bounds.
+        motion_blur: Motion of the cell's image during the exposure [px], see `motion_blur_px`; 0 is its least, for bounds.
     """
     cos_emission = height / distance
     return (
@@ -207,7 +207,7 @@ def keeps_limits(limits: Limits, distance: Any, height: Any, smear: Any = 0.0) -
         & (distance <= limits.max_range)
         & (distance * limits.pixel_angle <= limits.max_gsd * cos_emission)
         & ((distance * limits.pixel_angle) ** 2 <= limits.max_pixel_area * cos_emission)
-        & (smear <= limits.max_smear)
+        & (motion_blur <= limits.max_motion_blur)
     )
 
 
@@ -318,7 +318,7 @@ def judge(
     pose: CameraPose,
     light: Callable[[], Mask],
     share: Callable[[], Array],
-    smear: Callable[[], Array],
+    motion_blur: Callable[[], Array],
 ) -> NDArray[np.int8]:
     """`Cause` why each cell does not count as observed in a picture; `Cause.NONE`: it counts. Shape (n,).
 
@@ -331,21 +331,21 @@ def judge(
         pose: Of the camera.
         light: Gives which cells are lit, see `lit_cells`; asked only where light matters and something is left to light.
         share: Gives the visible share of every cell, see `visible_share`; asked only where something is left to see.
-        smear: Gives the smear of every cell, see `smear_px`; asked only where it matters.
+        motion_blur: Gives the motion blur of every cell, see `motion_blur_px`; asked only where it matters.
     """
     region = observer.region
     limits = limits_of(criterion, observer.camera, region)
     distance, height = sight(region, pose.r_A)
-    moved = smear() if criterion.needs_motion else 0.0
+    moved = motion_blur() if criterion.needs_motion else 0.0
     kept = keeps_limits(limits, distance, height, moved)
     shown = kept & shows_enough(limits, share()) if kept.any() else kept
     counts = shown & light() if criterion.needs_sun and shown.any() else shown
-    sharp = moved <= limits.max_smear
+    sharp = moved <= limits.max_motion_blur
     steep = height >= limits.min_cos_emission * distance
     cause = np.select(
         [counts, shown, kept, ~(height > 0.0), ~steep, sharp],
         [Cause.NONE, Cause.DARK, Cause.HIDDEN, Cause.FACES_AWAY, Cause.OBLIQUE, Cause.COARSE],
-        Cause.SMEARED,
+        Cause.BLURRED,
     ).astype(np.int8)
     outside = ~counts & ~observer.camera.contains(pose.to_camera(region.centroid_A))
     cause[outside] = Cause.OUT_OF_VIEW
@@ -391,11 +391,11 @@ def causes(
         pose: Of the camera.
         criterion: What counts.
         sun_A: Direction to the Sun in A, of any length, shape (3,); needed unless light is ignored.
-        motion: How the camera moves relative to the body; needed if the criterion limits smear.
+        motion: How the camera moves relative to the body; needed if the criterion limits motion blur.
         light: Gives which cells are lit, where that is known; None: it is worked out.
 
     Raises:
-        MissionError: The pose is impossible, light is asked for without a Sun, or little smear without a motion.
+        MissionError: The pose is impossible, light is asked for without a Sun, or little motion blur without a motion.
     """
 
     def lit_now() -> Mask:
@@ -406,9 +406,9 @@ def causes(
     def share() -> Array:
         return visible_share(observer, pose.r_A, pose.C_CA, whole=criterion.whole)
 
-    def smear() -> Array:
+    def motion_blur() -> Array:
         if motion is None:
-            raise MissionError("the observation criterion limits smear: pass how the camera moves, motion")
-        return smear_px(observer.region, observer.camera, pose.r_A, pose.C_CA, motion)
+            raise MissionError("the observation criterion limits motion blur: pass how the camera moves, motion")
+        return motion_blur_px(observer.region, observer.camera, pose.r_A, pose.C_CA, motion)
 
-    return judge(observer, criterion, pose, light or lit_now, share, smear)
+    return judge(observer, criterion, pose, light or lit_now, share, motion_blur)

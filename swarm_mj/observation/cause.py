@@ -18,7 +18,7 @@ class Cause(IntEnum):
     FACES_AWAY = 2
     OBLIQUE = 3
     COARSE = 4
-    SMEARED = 5
+    BLURRED = 5
     HIDDEN = 6
     DARK = 7
     CAMERA_OFF = 8
@@ -32,7 +32,7 @@ WORDS = {
     Cause.FACES_AWAY: "faces away",
     Cause.OBLIQUE: "too oblique",
     Cause.COARSE: "too coarse",
-    Cause.SMEARED: "smeared",
+    Cause.BLURRED: "blurred",
     Cause.HIDDEN: "hidden",
     Cause.DARK: "dark",
     Cause.CAMERA_OFF: "camera off",

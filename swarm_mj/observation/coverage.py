@@ -127,7 +127,7 @@ class Shown(NamedTuple):
 class KeptPictures:
     """The picture by which each spacecraft keeps each cell.
 
-    `best`: the one of the finest grade of ground sampling distance; of several the nearest to the visit, which is the best of
+    `best`: the one of the finest grade of ground sampling distance; of several the nearest to the arrival, which is the best of
     most other cells too, so that few pictures are sent. `first`: the first that counts. `all`: as `best`, and the others are
     sent beside it.
 
@@ -153,20 +153,20 @@ class KeptPictures:
         """Start with none."""
         self.taken_s, self.gsd_m, self.incidence_deg = np.full((3, self.n_spacecraft, self.n_cells), np.nan)
 
-    def add(self, shown: Shown, gsd_m: Array, incidence_deg: Array, visit_s: float) -> None:
+    def add(self, shown: Shown, gsd_m: Array, incidence_deg: Array, arrival_s: float) -> None:
         """Add a picture, in order of time.
 
         Args:
             shown: What counts in it.
             gsd_m: At these cells [m].
             incidence_deg: Of the Sun on them [deg].
-            visit_s: When its spacecraft is at its visiting point [s].
+            arrival_s: When its spacecraft is at its visiting point [s].
         """
         j, cells = shown.spacecraft, shown.cells
         better = np.isnan(self.taken_s[j, cells])
         if self.rule != "first":
             held, new = grade(self.gsd_m[j, cells]), grade(gsd_m)
-            nearer = abs(shown.t - visit_s) < np.abs(self.taken_s[j, cells] - visit_s)
+            nearer = abs(shown.t - arrival_s) < np.abs(self.taken_s[j, cells] - arrival_s)
             better |= (new < held) | ((new == held) & nearer)
         if self.rule == "all" and len(cells):
             self.every.append(shown)

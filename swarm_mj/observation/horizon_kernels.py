@@ -61,13 +61,13 @@ def make_scene(observer: HorizonObserver, criterion: Observation) -> Scene:
     """Gather what `new_cells` needs.
 
     Raises:
-        MissionError: The criterion asks for whole cells, which sample points alone do not tell, or limits smear.
+        MissionError: The criterion asks for whole cells, which sample points alone do not tell, or limits motion blur.
     """
     if criterion.whole:
         raise MissionError(f"min_fraction {criterion.min_fraction} asks for whole cells: judge them by `observe`")
     if criterion.needs_motion:
         raise MissionError(
-            f"max_smear_px {criterion.max_smear_px}: compiled pictures do not know rates: judge them by `observe`"
+            f"max_motion_blur_px {criterion.max_motion_blur_px}: compiled pictures do not know rates: judge them by `observe`"
         )
     region, limits = observer.region, limits_of(criterion, observer.camera, observer.region)
     radius = np.linalg.norm(region.corners_A - region.centroid_A[:, None], axis=2).max(axis=1)

@@ -177,7 +177,7 @@ def design_differences(
         record: The design, from `design_record` or an earlier version of it.
         scenario: What was flown.
         corners_A: Faces of the body that was flown past in A [m], shape (f, 3, 3).
-        points_A: Where the observers were at the visit, in A [m], shape (n_obs, 3); None where that is not the plan.
+        points_A: Where the observers were at the arrival, in A [m], shape (n_obs, 3); None where that is not the plan.
     """
     there, here = record.get("made_for", {}), made_for(scenario, corners_A)
     found = []
@@ -196,7 +196,7 @@ def _without_effect(scenario: Scenario, there: dict[str, Any]) -> set[str]:
     """Keys that do not matter to what the candidates of this scenario see."""
     observation = scenario.observation
     keys = set()
-    if observation.criterion == "visit":
+    if observation.criterion == "arrival":
         keys |= {"duration_s", "body.gravity.model", "body.gravity.parameters"}
     if not observation.needs_sun:
         keys |= {key for key in there if key.startswith("body.orbit.")}

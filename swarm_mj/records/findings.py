@@ -18,7 +18,7 @@ from swarm_mj.records.observed import observed_findings
 from swarm_mj.records.propulsion import propulsion_findings
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.records.summary import working
-from swarm_mj.scenarios.itinerary import visit_times
+from swarm_mj.scenarios.itinerary import arrival_times
 from swarm_mj.scenarios.schema import Body, Scenario
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.typing import Array
@@ -44,7 +44,7 @@ class Late(NamedTuple):
 def summary_findings(summary: dict[str, Any]) -> list[str]:
     """Remarks on what went wrong, pointing that had not settled and wheels at their limits, one sentence each."""
     found = [
-        *_pointing_findings(_at_the_visit(summary), "at the visit", "the visit came"),
+        *_pointing_findings(_at_the_arrival(summary), "at the arrival", "the arrival came"),
         *_pointing_findings(_at_the_end(summary), "at the end", "the flight ended"),
         *_pointing_findings(_before_switches(summary), "before a switch", "targets were switched again"),
     ]
@@ -71,8 +71,8 @@ def spacecraft_findings(summary: dict[str, Any]) -> list[str]:
     return [f"{summary['spacecraft_file']}: {note}" for note in summary.get("spacecraft_notes", ())]
 
 
-def _at_the_visit(summary: dict[str, Any]) -> list[Late]:
-    found = summary.get("pointing_error_deg_visit", {}).items()
+def _at_the_arrival(summary: dict[str, Any]) -> list[Late]:
+    found = summary.get("pointing_error_deg_arrival", {}).items()
     return [Late(name, error, inf) for name, error in found if error > SETTLED_DEG]
 
 
@@ -220,10 +220,10 @@ def proof_differences(run: RunRecord) -> list[str]:
 
 
 def _visited_A(run: RunRecord) -> Array | None:
-    """Where the observers were at the visit, in A [m], shape (n_obs, 3); None where faults or dispersions moved them."""
+    """Where the observers were at the arrival, in A [m], shape (n_obs, 3); None where faults or dispersions moved them."""
     if as_planned(run.scenario) != run.scenario:
         return None
-    k = np.abs(run.times[:, None] - visit_times(run.scenario)).argmin(axis=0)
+    k = np.abs(run.times[:, None] - arrival_times(run.scenario)).argmin(axis=0)
     C_AN = dcm(np.asarray(run.telemetry["sigma_AN"].values[k], dtype=np.float64))
     r_N = run.telemetry["r_BN_N"].values[k, np.arange(run.n_observers)]
     return np.asarray(np.einsum("jik,jk->ji", C_AN, r_N))

@@ -8,7 +8,7 @@ import numpy as np
 
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.trajectory_corrections import CorrectionAnalysis, analyse_corrections
-from swarm_mj.mission.covariance import length_mean, length_quantile, length_within, visit_axes
+from swarm_mj.mission.covariance import arrival_axes, length_mean, length_quantile, length_within
 from swarm_mj.mission.dispersed import draw_linear
 from swarm_mj.scenarios.constants import STANDARD_GRAVITY
 from swarm_mj.scenarios.itinerary import itinerary
@@ -22,7 +22,7 @@ SURE = 0.99
 DRAWS = 20_000
 #: What six nozzles take at most beside those along the force: three of them share an oblique one.
 OBLIQUE = 3.0**0.5
-#: A correction is worth its gas where it takes away at least this share of the spread at the visit.
+#: A correction is worth its gas where it takes away at least this share of the spread at the arrival.
 WORTH = 0.05
 
 Row = dict[str, Any]
@@ -31,9 +31,9 @@ Drawn = Array | None
 
 
 def navigation_rows(found: CorrectionAnalysis) -> list[Row]:
-    """One row for each spacecraft and number of corrections flown, 0 to m: the spread at the visit and the last burn."""
+    """One row for each spacecraft and number of corrections flown, 0 to m: the spread at the arrival and the last burn."""
     legs = found.legs
-    axes = visit_axes(legs.r_N[:, -1], legs.v_N[:, -1])
+    axes = arrival_axes(legs.r_N[:, -1], legs.v_N[:, -1])
     rows = []
     for j in range(found.plan.n):
         position, delta_v = _drawn(found, j)
@@ -42,7 +42,7 @@ def navigation_rows(found: CorrectionAnalysis) -> list[Row]:
                 "spacecraft": found.plan.names[j],
                 "corrections": k,
                 "time_s": None if k == 0 else float(legs.times[j, k]),
-                **_at_visit(found.spread.at_visit[k, j, :3, :3], axes[j], position[k]),
+                **_at_arrival(found.spread.at_arrival[k, j, :3, :3], axes[j], position[k]),
                 **_burnt(found, j, k, delta_v),
                 **_seen(found, j, k, position[k]),
             }
@@ -74,7 +74,7 @@ def _quantile(values: Array) -> float:
     return float(np.quantile(values, SURE))
 
 
-def _at_visit(position: Array, axes: Array, drawn: Drawn) -> Row:
+def _at_arrival(position: Array, axes: Array, drawn: Drawn) -> Row:
     # Rounding takes what a correction by exact knowledge leaves to either side of zero.
     sigma = np.sqrt(np.diag(axes @ position @ axes.T).clip(0.0))
     return {
@@ -99,7 +99,7 @@ def _seen(found: CorrectionAnalysis, j: int, k: int, drawn: Drawn) -> Row:
     altitude, half_angle = itinerary(plan.scenario)[j].altitude_m, np.radians(plan.scenario.camera.half_angle_deg)
     r_N = found.legs.r_N[j, -1]
     across = np.linalg.svd(r_N[None])[2][1:]
-    covariance = across @ found.spread.at_visit[k, j, :3, :3] @ across.T
+    covariance = across @ found.spread.at_arrival[k, j, :3, :3] @ across.T
     aside, wide = None if drawn is None else drawn @ across.T, altitude * float(np.tan(half_angle))
     within = length_within(covariance, wide) if aside is None else np.mean(np.linalg.norm(aside, axis=1) <= wide)
     return {
@@ -132,7 +132,7 @@ def navigation_findings(found: CorrectionAnalysis) -> list[str]:
     """One sentence on each stage of the way, on tanks and burns that are not enough, and on corrections that do not pay."""
     rows, names = navigation_rows(found), found.plan.names
     m = found.legs.n_corrections
-    if not found.spread.at_visit.any():
+    if not found.spread.at_arrival.any():
         return [
             "nothing is said to err, so nothing spreads: give dispersions.deployment_velocity_m_s, mothership_position_m, "
             "mothership_velocity_m_s, or navigation and burn errors with corrections"
@@ -145,7 +145,7 @@ def navigation_findings(found: CorrectionAnalysis) -> list[str]:
 
 def _stage(k: int, rows: list[Row]) -> str:
     worst = max(rows, key=lambda row: row["position_3_sigma_m"])
-    words = f"3 sigma {worst['position_3_sigma_m']:.3g} m at the visit ({worst['spacecraft']}, the widest)"
+    words = f"3 sigma {worst['position_3_sigma_m']:.3g} m at the arrival ({worst['spacecraft']}, the widest)"
     if k == 0:
         return f"without corrections: {words}"
     return f"after correction {k}: {words}, {max(row['delta_v_99_m_s'] for row in rows):.3g} m/s (99 %)"
@@ -177,7 +177,7 @@ def _tank(found: CorrectionAnalysis, names: tuple[str, ...]) -> list[str]:
 
 
 def _too_long(found: CorrectionAnalysis, names: tuple[str, ...], rows: list[Row]) -> list[str]:
-    """Burns that at 99 % do not end before the next correction or the visit; a nozzle's thrust is the least of the forces."""
+    """Burns that at 99 % do not end before the next correction or the arrival; a nozzle's thrust is the least of the forces."""
     thrusters, times = found.plan.scenario.spacecraft.thrusters, found.legs.times
     if thrusters is None:
         return []
@@ -190,7 +190,7 @@ def _too_long(found: CorrectionAnalysis, names: tuple[str, ...], rows: list[Row]
             j = int(np.argmax(lasts - room))
             said.append(
                 f"correction {k + 1} of {names[j]} may burn for {lasts[j]:.3g} s at 99 %, longer than the {room[j]:g} s to the "
-                "next correction or the visit; correct earlier, or raise spacecraft.thrusters.thrust_n"
+                "next correction or the arrival; correct earlier, or raise spacecraft.thrusters.thrust_n"
             )
     return said
 

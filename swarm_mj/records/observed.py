@@ -19,9 +19,9 @@ REMEDIES = {
     Cause.OBLIQUE: "add visiting points above it; observation.max_emission_deg is the limit",
     Cause.COARSE: "come nearer or see finer (design.imaging_altitude_m, camera.resolution_px); observation.max_gsd_m, "
     "max_range_m and min_pixels are the limits",
-    Cause.SMEARED: "shorten camera.exposure_s; observation.max_smear_px is the limit",
+    Cause.BLURRED: "shorten camera.exposure_s; observation.max_motion_blur_px is the limit",
     Cause.HIDDEN: "add visiting points from other sides",
-    Cause.DARK: "visit when the Sun shines there (epoch), or count dark ground too (observation.light: ignored)",
+    Cause.DARK: "arrival when the Sun shines there (epoch), or count dark ground too (observation.light: ignored)",
     Cause.CAMERA_OFF: "let others see the same area too (designer.fold: 2)",
 }
 

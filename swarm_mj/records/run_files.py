@@ -113,7 +113,7 @@ def flown_design(scenario: Scenario) -> dict[str, Any] | None:
     except ScenarioError:
         return None  # points that are given outright fly without their design's record
     design = scenario.design
-    given = [visit.model_dump(exclude_none=True) for visit in design.observers]
+    given = [arrival.model_dump(exclude_none=True) for arrival in design.observers]
     same = record["visiting_points"] == list(design.visiting_points) and record.get("observers", []) == given
     return record if same else None
 

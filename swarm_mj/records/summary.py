@@ -14,7 +14,7 @@ import xarray as xr
 from swarm_mj import __version__
 from swarm_mj.flight.coordination import coordination_summary
 from swarm_mj.flight.mothership import osculating_orbit
-from swarm_mj.flight.observe import ObservationResult, picture_samples, visit_samples, watching_in
+from swarm_mj.flight.observe import ObservationResult, arrival_samples, picture_samples, watching_in
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.spacecraft import notes_on
 from swarm_mj.records.delivered import delivered_summary
@@ -80,7 +80,7 @@ def _observed(plan: Plan, result: ObservationResult) -> dict[str, Any]:
         "camera_half_angle_deg": scenario.camera.half_angle_deg,
         "gsd_m": spread(result.kept.by_best(result.kept.gsd_m)),
         "incidence_deg": spread(result.kept.by_best(result.kept.incidence_deg)),
-        **_smeared(result),
+        **_blurred(result),
         "gsd_pixel": "picture" if scenario.camera.detector_ifov_rad is None else "detector",
         "ground_resolution_m": scenario.camera.ground_resolution_m,
         "observer": result.observer,
@@ -89,13 +89,13 @@ def _observed(plan: Plan, result: ObservationResult) -> dict[str, Any]:
     }
 
 
-def _smeared(result: ObservationResult) -> dict[str, Any]:
-    """Smear at the visit [px], each cell in its sharpest picture; nothing where the camera has no exposure."""
-    if result.smear_px is None:
+def _blurred(result: ObservationResult) -> dict[str, Any]:
+    """Motion blur at the arrival [px], each cell in its sharpest picture; nothing where the camera has no exposure."""
+    if result.motion_blur_px is None:
         return {}
-    shown = result.smear_px[~np.isnan(result.smear_px)]
+    shown = result.motion_blur_px[~np.isnan(result.motion_blur_px)]
     worst = {"median": rounded(np.median(shown), 6), "max": rounded(shown.max(), 6)} if len(shown) else {}
-    return {"smear_px_visit": worst}
+    return {"motion_blur_px_arrival": worst}
 
 
 def _by_target(plan: Plan, result: ObservationResult) -> dict[str, Any]:
@@ -138,18 +138,20 @@ def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
 
 
 def _pointed_at_pictures(plan: Plan, telemetry: xr.Dataset, error_deg: Array) -> dict[str, Any]:
-    """Pointing errors of those that take pictures: at the visit, and in the middle of all their pictures; and their sensors."""
+    """Pointing errors of those that take pictures: at the arrival, and in the middle of all their pictures; their sensors."""
     scenario, who = plan.scenario, watching_in(telemetry, plan.n_observers)
-    samples, visits = picture_samples(scenario, telemetry), visit_samples(scenario)
+    samples, arrivals = picture_samples(scenario, telemetry), arrival_samples(scenario)
     taken = {j: samples[who[samples, j]] for j in range(plan.n_observers)}
     known = telemetry.get("attitude_knowledge_error")
-    at_visit = {"pointing_error_deg_visit": error_deg}
-    at_visit |= {} if known is None else {"attitude_knowledge_error_deg_visit": np.degrees(known.values)}
+    at_arrival = {"pointing_error_deg_arrival": error_deg}
+    at_arrival |= {} if known is None else {"attitude_knowledge_error_deg_arrival": np.degrees(known.values)}
     return {
         "sensors": scenario.spacecraft.sensors.name,
         **{
-            key: {plan.names[j]: rounded(values[visit, j], 9) for j, visit in enumerate(visits) if who[visit, j]}
-            for key, values in at_visit.items()
+            key: {
+                plan.names[j]: rounded(values[arrival, j], 9) for j, arrival in enumerate(arrivals) if who[arrival, j]
+            }
+            for key, values in at_arrival.items()
         },
         "pointing_error_deg_pictures_median": {
             plan.names[j]: rounded(np.median(error_deg[k, j]), 9) for j, k in taken.items() if len(k)
@@ -175,7 +177,7 @@ def _flown(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
         "deployer_max_speed_m_s": plan.scenario.mothership.deployer.max_speed_m_s,
         "deployment_delta_v_m_s": by_name(names, plan.deployment.delta_v, 6),
         "transfer_miss_mm": by_name(names, 1e3 * plan.deployment.miss_m, 6),
-        "visit_miss_mm": by_name(names, 1e3 * visit_miss_m(plan, telemetry), 6),
+        "arrival_miss_mm": by_name(names, 1e3 * arrival_miss_m(plan, telemetry), 6),
         "least_distance_to_centre_km": by_name(names, plan.least_radius / 1e3, 3),
         "near_collisions": [
             {
@@ -262,8 +264,8 @@ def _version(name: str) -> str:
         return "not installed"
 
 
-def visit_miss_m(plan: Plan, telemetry: xr.Dataset) -> Array:
-    """Distance of each spacecraft, as flown, from where it was to be at its visit [m], shape (n,)."""
-    visits = np.rint(plan.deployment.arrival_s / plan.scenario.telemetry.interval_s).astype(np.int64)
-    flown = telemetry["r_BN_N"].values[visits, np.arange(plan.n)]
+def arrival_miss_m(plan: Plan, telemetry: xr.Dataset) -> Array:
+    """Distance of each spacecraft, as flown, from where it was to be at its arrival [m], shape (n,)."""
+    arrivals = np.rint(plan.deployment.arrival_s / plan.scenario.telemetry.interval_s).astype(np.int64)
+    flown = telemetry["r_BN_N"].values[arrivals, np.arange(plan.n)]
     return np.asarray(np.linalg.norm(flown - plan.deployment.destination_N, axis=-1))

@@ -125,7 +125,7 @@ class RunSummary(Record):
     visiting_points: Annotated[list[int], FailFast()]
     coverage_percent_passage: Percent
     coverage_percent_by_spacecraft: dict[str, Percent]
-    criterion: Literal["visit", "passage"]
+    criterion: Literal["arrival", "passage"]
     observer: str
     observer_note: str
     images: NonNegativeInt
@@ -147,8 +147,8 @@ class RunSummary(Record):
     deployment_findings: list[str] = []
     navigation: NavigationSummary = NavigationSummary()
     formation: FormationHeld | None = None
-    pointing_error_deg_visit: ByName = {}
-    attitude_knowledge_error_deg_visit: ByName = {}
+    pointing_error_deg_arrival: ByName = {}
+    attitude_knowledge_error_deg_arrival: ByName = {}
     sensors: str = "not told"
     target_held_s_final: ByName = {}
     events: Annotated[list[Event], FailFast()] = []

@@ -13,7 +13,7 @@ from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import Plan
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.model import FIELD_OF_VIEW_DEG
-from swarm_mj.scenarios.itinerary import last_visit_s
+from swarm_mj.scenarios.itinerary import last_arrival_s
 from swarm_mj.typing import Array
 
 OVERVIEW, CHASE, SPLIT = "overview", "chase", "split"
@@ -141,7 +141,7 @@ def view_direction(plan: Plan, path_N: Array, aspect: float, span_s: Span | None
     begin, end = span_s or (0.0, plan.scenario.duration_s)
     region, environment = plan.region, plan.environment
     normal_A = _unit(region.area @ region.normal_A)
-    times = (min(max(last_visit_s(plan.scenario), begin), end), end)
+    times = (min(max(last_arrival_s(plan.scenario), begin), end), end)
     normals = np.array([normal_A @ environment.C_AN(t) for t in times])
     path = path_N.mean(axis=1)
     directions = _sphere(DIRECTIONS)
@@ -151,9 +151,9 @@ def view_direction(plan: Plan, path_N: Array, aspect: float, span_s: Span | None
     axes = np.array([_picture_axes(direction) for direction in directions])
     flat = np.abs(axes @ along)
     turned, reach = np.linalg.norm(flat, axis=1), np.maximum(flat[:, 0] / aspect, flat[:, 1])
-    # At the visit the swarm must not stand before the target.
-    visit = path[round((len(path) - 1) * (times[0] - begin) / (end - begin))]
-    above = _unit(visit - region.area @ region.centroid_A / region.total_area @ environment.C_AN(times[0]))
+    # At the arrival the swarm must not stand before the target.
+    arrival = path[round((len(path) - 1) * (times[0] - begin) / (end - begin))]
+    above = _unit(arrival - region.area @ region.centroid_A / region.total_area @ environment.C_AN(times[0]))
     clear = np.linalg.norm(np.cross(directions, above), axis=1)
     lit = directions @ _unit(environment.sun.position)
     # Beyond these values more of one would be bought with too much of another.

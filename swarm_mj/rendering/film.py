@@ -20,7 +20,7 @@ from swarm_mj.rendering.cameras import CHASE, OVERVIEW, SPLIT
 from swarm_mj.rendering.picture import Drawing
 from swarm_mj.rendering.replay import Replay
 from swarm_mj.rendering.video import SUFFIXES, Film, check_film, film
-from swarm_mj.scenarios.itinerary import last_visit_s
+from swarm_mj.scenarios.itinerary import last_arrival_s
 from swarm_mj.typing import Array, Pixels
 
 #: Begin and end of a part of a flight [s], each None for the flight's own; None: as suits the flight.
@@ -86,7 +86,7 @@ def make_film(
     span_s: PartOfFlight = None,
     bars: Progress | None = None,
 ) -> FilmFacts:
-    """Make a film of a flight, or stills of its visit and end.
+    """Make a film of a flight, or stills of its arrival and end.
 
     Args:
         replay: The flight.
@@ -182,7 +182,7 @@ def write_stills(
     Args:
         path: Where.
         replay: The flight.
-        times: Instants [s]; None: the visit and the end, as in the paper.
+        times: Instants [s]; None: the arrival and the end, as in the paper.
         camera: `overview`, `chase`, `split`, or `sc1`, `sc2`, ...
         width: Of one picture [pixel].
         height: Of one picture [pixel].
@@ -192,7 +192,7 @@ def write_stills(
         ObserverError: OpenGL cannot be loaded here.
     """
     if times is None:
-        times = (last_visit_s(replay.plan.scenario), float(replay.times[-1]))
+        times = (last_arrival_s(replay.plan.scenario), float(replay.times[-1]))
     span_s = (float(replay.times[0]), float(replay.times[-1]))
     with Drawing(replay.plan, replay.path_N, camera=camera, width=width, height=height, span_s=span_s) as drawing:
         pictures = [drawing.draw(replay.at(t)) for t in times]

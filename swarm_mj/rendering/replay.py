@@ -21,7 +21,7 @@ from swarm_mj.records.passage import encounter
 from swarm_mj.records.run_record import read_run
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.transfers import transfers_of
-from swarm_mj.scenarios.itinerary import last_visit_s
+from swarm_mj.scenarios.itinerary import last_arrival_s
 from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
 from swarm_mj.typing import Array, Mask
 
@@ -99,8 +99,8 @@ class Replay:
 
     def encounter(self) -> tuple[float, float] | None:
         """Begin and end of what a film shows where the body is passed in a small part of the flight [s]; None: all of it."""
-        visit_s, radius = last_visit_s(self.plan.scenario), self.plan.shape.max_radius
-        near = encounter(self.times, self._position(self.times), visit_s, radius)
+        arrival_s, radius = last_arrival_s(self.plan.scenario), self.plan.shape.max_radius
+        near = encounter(self.times, self._position(self.times), arrival_s, radius)
         return None if near is None else (float(self.times[near.start]), float(self.times[near.stop - 1]))
 
     def at(self, t: float) -> Instant:

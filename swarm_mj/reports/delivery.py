@@ -36,11 +36,11 @@ from swarm_mj.records.run_record import RunRecord
 from swarm_mj.reports.markup import Content, Html, table, tag
 from swarm_mj.reports.plots import INK, MAX_ROWS
 from swarm_mj.reports.sections import section
-from swarm_mj.scenarios.itinerary import last_visit_s
+from swarm_mj.scenarios.itinerary import last_arrival_s
 from swarm_mj.typing import Array, Mask
 
 HINT = (
-    "Dashed line: the visit; full line: the end of the flight. The plots begin with the first picture and end when data no "
+    "Dashed line: the arrival; full line: the end of the flight. The plots begin with the first picture and end when data no "
     "longer move; a double-click shows all that was planned."
 )
 #: Plots of a run, and what they are called.
@@ -350,11 +350,11 @@ def _percent(area: Array, cells: Mask) -> float:
 
 
 def _finish(figure: go.Figure, run: RunRecord, delivery: Delivery, axis: TimeAxis, height: float) -> None:
-    """Time axis from the first picture until data no longer move, marks of visit and end, legend."""
+    """Time axis from the first picture until data no longer move, marks of arrival and end, legend."""
     last = _until_s(run, delivery)
-    first = min(float(delivery.edges_s[0]), last_visit_s(run.scenario))
+    first = min(float(delivery.edges_s[0]), last_arrival_s(run.scenario))
     first = max(first - BEFORE * (last - first), 0.0)
-    marks = ((last_visit_s(run.scenario), "dash"), (run.scenario.duration_s, "solid"))
+    marks = ((last_arrival_s(run.scenario), "dash"), (run.scenario.duration_s, "solid"))
     shapes = [
         {
             "type": "line", "xref": "x", "yref": "paper", "x0": t / axis.seconds, "x1": t / axis.seconds, "y0": 0.0, "y1": 1.0,

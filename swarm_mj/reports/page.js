@@ -294,7 +294,7 @@ async function start() {
   const loaded = loadPlotly();
   page.runs = DATA.runs.map((run, number) => new RunView(run, number));
   page.ticks = page.runs.reduce((a, b) => (b.times.at(-1) > a.times.at(-1) ? b : a)).times;
-  page.tick = page.shown = sampleAt(page.ticks, DATA.visit_s);
+  page.tick = page.shown = sampleAt(page.ticks, DATA.arrival_s);
   find("slider").max = page.ticks.length - 1;
   find("slider").value = page.tick;
   tell(page.tick);

@@ -45,7 +45,7 @@ from swarm_mj.reports.sections import (
     spacecraft_section,
     summary_section,
 )
-from swarm_mj.scenarios.itinerary import last_visit_s
+from swarm_mj.scenarios.itinerary import last_arrival_s
 
 #: Files of the page's own style and behaviour, in order.
 STYLE, SCRIPTS = "page.css", ("mesh.js", "names.js", "scene.js", "page.js")
@@ -272,9 +272,9 @@ def _choices(runs: Sequence[RunRecord]) -> Html:
         tag("label", tag("input", type="checkbox", id="directions"), " Sun and Earth"),
         tag("label", "axes ", tag("select", [tag("option", word, value=word) for word in AXES], id="axes")),
     ]
-    visit = [run.scenario.observation.criterion == "visit" for run in runs]
-    if any(visit):
-        own = "at the visit" if all(visit) else "as each run counts"
+    arrival = [run.scenario.observation.criterion == "arrival" for run in runs]
+    if any(arrival):
+        own = "at the arrival" if all(arrival) else "as each run counts"
         options = [tag("option", own, value="own"), tag("option", "in the whole passage", value="passage")]
         parts.append(tag("label", "faces count as observed ", tag("select", options, id="criterion")))
     return tag("div", parts, class_="choices")
@@ -287,7 +287,7 @@ def page_data(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequ
     return {
         "ink": INK,
         "axis_seconds": time_axis(longest).seconds,
-        "visit_s": last_visit_s(runs[0].scenario),
+        "arrival_s": last_arrival_s(runs[0].scenario),
         "modes": [
             {"meaning": style.meaning, "colour": style.line_colour, "observing": bool(looks_at_body(mode))}
             for mode, style in enumerate(MODE_STYLES)

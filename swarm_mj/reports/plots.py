@@ -13,7 +13,7 @@ from swarm_mj.figures.palette import BLUE, GREY, MODE_STYLES, SPACECRAFT, VERMIL
 from swarm_mj.figures.units import TimeAxis, time_axis
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.reports.replay import Replay
-from swarm_mj.scenarios.itinerary import last_visit_s
+from swarm_mj.scenarios.itinerary import last_arrival_s
 from swarm_mj.spacecraft.properties import RPM
 from swarm_mj.typing import Array, Mask
 
@@ -107,7 +107,7 @@ def _frame(run: RunRecord, names: Sequence[str], timeline_rows: int) -> go.Figur
         legend2={"orientation": "h", "x": 0.0, "y": -LEGEND_BELOW_PX / inside, "yanchor": "top"},
         height=inside + MARGINS_PX["t"] + MARGINS_PX["b"],
         uirevision="kept",
-        shapes=[_marker(last_visit_s(run.scenario) / axis.seconds, GREY, "dash")],
+        shapes=[_marker(last_arrival_s(run.scenario) / axis.seconds, GREY, "dash")],
     )
     return figure
 
@@ -176,7 +176,7 @@ def _median(values: Array, axis: int) -> Array:
 
 def _coverage_curves(figure: go.Figure, run: RunRecord, times: Array, replay: Replay) -> None:
     _curve(figure, 3, times, replay.percent, "whole swarm", {"color": INK, "width": 3, "shape": "hv"}, legend=True)
-    if run.scenario.observation.criterion == "visit":
+    if run.scenario.observation.criterion == "arrival":
         line = {"color": INK, "width": 1.5, "dash": "dot", "shape": "hv"}
         _curve(figure, 3, times, replay.percent_passage, "whole swarm, whole passage", line, legend=True)
 

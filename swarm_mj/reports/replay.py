@@ -20,7 +20,7 @@ from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.records.modes import LOST
 from swarm_mj.records.passage import encounter
 from swarm_mj.records.run_record import RunRecord
-from swarm_mj.scenarios.itinerary import last_visit_s
+from swarm_mj.scenarios.itinerary import last_arrival_s
 from swarm_mj.smallbody.simplify import simplify
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.spacecraft.properties import RPM
@@ -118,22 +118,22 @@ def make_replay(run: RunRecord, limits: Limits) -> Replay:
 
 
 def choose_samples(run: RunRecord, count: int) -> Indices:
-    """Numbers of at most about `count` samples, evenly spaced, with the visit and the last one among them.
+    """Numbers of at most about `count` samples, evenly spaced, with the arrival and the last one among them.
 
     Where the body is passed in a small part of the flight, half of them lie there.
     """
     total, near = len(run.times), _encounter(run)
-    visit = int(np.argmin(np.abs(run.times - last_visit_s(run.scenario))))
+    arrival = int(np.argmin(np.abs(run.times - last_arrival_s(run.scenario))))
     parts = [slice(0, total)] if near is None else [slice(0, total), near]
     even = [
         k for part in parts for k in range(part.start, part.stop, -(-len(parts) * (part.stop - part.start) // count))
     ]
-    return np.unique([*even, visit, total - 1]).astype(np.intp)
+    return np.unique([*even, arrival, total - 1]).astype(np.intp)
 
 
 def _encounter(run: RunRecord) -> slice | None:
     radius = float(np.linalg.norm(run.coverage["body_vertices"], axis=1).max())
-    return encounter(run.times, run.telemetry["r_BN_N"].values, last_visit_s(run.scenario), radius)
+    return encounter(run.times, run.telemetry["r_BN_N"].values, last_arrival_s(run.scenario), radius)
 
 
 def _coverage(area: Array, first_seen_by_s: Array) -> CoverageMap:

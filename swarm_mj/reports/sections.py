@@ -23,7 +23,7 @@ from swarm_mj.smallbody.shape_check import shown_size
 
 P_TO = Html("observed area P<sub>TO</sub>")
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-CRITERION = {"passage": "in the whole passage", "visit": "at the instant of the visit"}
+CRITERION = {"passage": "in the whole passage", "arrival": "at the instant of the arrival"}
 #: Axes of the angles, in words.
 ORBIT_AXES = {"ecliptic": "of the ecliptic", "equatorial": "of EME2000", "body_equator": "of the body's equator"}
 
@@ -42,7 +42,7 @@ def summary_section(run: RunRecord) -> Html:
         *_delivered(summary),
         ("observed, whole passage", percent_text(summary["coverage_percent_passage"]), f"{summary['images']} pictures"),
         *_sampled(summary),
-        *_smeared(summary),
+        *_blurred(summary),
         ("spacecraft", str(summary["spacecraft"]), f"{summary['observers']} of them observe{_lost_words(summary)}"),
         _pointed(summary),
         ("pointing error before a switch", f"{short(max(late.values()))}°" if late else "–", "largest of the swarm"),
@@ -90,22 +90,24 @@ def _sampled(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     return [("ground sampling distance, median", f"{short(seen['median'])} m", note)]
 
 
-def _smeared(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
-    """How far faces moved over the detector at the visit, where the camera has an exposure."""
-    smear = summary.get("smear_px_visit")
-    if smear is None:
+def _blurred(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """How far faces moved over the detector at the arrival, where the camera has an exposure."""
+    motion_blur = summary.get("motion_blur_px_arrival")
+    if motion_blur is None:
         return []
-    value = f"{short(smear['median'])} px" if smear else "–"
-    note = f"median at the visit; worst {short(smear['max'])} px" if smear else "no picture at the visit"
-    return [("smear", value, note)]
+    value = f"{short(motion_blur['median'])} px" if motion_blur else "–"
+    note = (
+        f"median at the arrival; worst {short(motion_blur['max'])} px" if motion_blur else "no picture at the arrival"
+    )
+    return [("motion blur", value, note)]
 
 
 def _pointed(summary: dict[str, Any]) -> tuple[str, str, str]:
-    """The largest pointing error at the visit, and what sensors know the attitude by, and how well."""
-    error, known = (summary.get(f"{key}_deg_visit") for key in ("pointing_error", "attitude_knowledge_error"))
+    """The largest pointing error at the arrival, and what sensors know the attitude by, and how well."""
+    error, known = (summary.get(f"{key}_deg_arrival") for key in ("pointing_error", "attitude_knowledge_error"))
     error, known = (f"{short(max(found.values()))}°" if found else "" for found in (error, known))
     note = f"sensors: {summary.get('sensors', '–')}" + (f", which know it to {known}" if known else "")
-    return "pointing error at the visit", error or "–", note
+    return "pointing error at the arrival", error or "–", note
 
 
 def _lost_words(summary: dict[str, Any]) -> str:

@@ -31,23 +31,23 @@ class Stop(NamedTuple):
 
     @property
     def arrival_s(self) -> float:
-        """Time of the visit past the epoch [s]."""
+        """Time of the arrival past the epoch [s]."""
         return self.release_s + self.time_of_flight_s
 
 
 def itinerary(scenario: Scenario) -> tuple[Stop, ...]:
     """What each observer does, in the order of the spacecraft."""
     design = scenario.design
-    visits = design.observers or (Visit(),) * len(design.visiting_points)
+    arrivals = design.observers or (Visit(),) * len(design.visiting_points)
     return tuple(
         Stop(
-            visit.target,
+            arrival.target,
             point,
-            _given(visit.imaging_altitude_m, design.imaging_altitude_m),
-            _given(visit.time_of_flight_s, design.time_of_flight_s),
-            _given(visit.release_s, design.release_s),
+            _given(arrival.imaging_altitude_m, design.imaging_altitude_m),
+            _given(arrival.time_of_flight_s, design.time_of_flight_s),
+            _given(arrival.release_s, design.release_s),
         )
-        for visit, point in zip(visits, design.visiting_points, strict=True)
+        for arrival, point in zip(arrivals, design.visiting_points, strict=True)
     )
 
 
@@ -55,7 +55,7 @@ def _given(value: float | None, common: float) -> float:
     return common if value is None else value
 
 
-def visit_times(scenario: Scenario) -> Array:
+def arrival_times(scenario: Scenario) -> Array:
     """When each observer is at its visiting point, shape (n_obs,) [s past the epoch]."""
     return np.array([stop.arrival_s for stop in itinerary(scenario)])
 
@@ -71,6 +71,6 @@ def all_targets(scenario: Scenario) -> tuple[Target, ...]:
     return (scenario.target, *extra)
 
 
-def last_visit_s(scenario: Scenario) -> float:
-    """When the last observer is at its point [s past the epoch]: the visit, for what shows the swarm as a whole."""
-    return float(visit_times(scenario).max())
+def last_arrival_s(scenario: Scenario) -> float:
+    """When the last observer is at its point [s past the epoch]: the arrival, for what shows the swarm as a whole."""
+    return float(arrival_times(scenario).max())

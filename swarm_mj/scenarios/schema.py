@@ -117,8 +117,8 @@ class Control(Section):
     )
     slew: Literal["law", "time_optimal"] = Field(
         "law",
-        description="how the spacecraft turns to a new target: as the gains of the law have it, or by the quickest turn about "
-        "one axis within 80 % of the wheels' torque and momentum, which the law follows",
+        description="how the spacecraft turns to a new target: as the gains of the law have it, or by the minimum-time turn "
+        "about one axis within 80 % of the wheels' torque and momentum, which the law follows",
     )
     period_s: float = Field(0.5, ge=1e-3, le=60, description="how long wheel torques and forces are held [s]")
 
@@ -315,11 +315,11 @@ class Scenario(Section):
         return self
 
     @model_validator(mode="after")
-    def _smear_has_an_exposure(self) -> Self:
-        if (limit := self.observation.max_smear_px) is not None and not self.camera.exposure_s:
+    def _motion_blur_has_an_exposure(self) -> Self:
+        if (limit := self.observation.max_motion_blur_px) is not None and not self.camera.exposure_s:
             raise ValueError(
-                f"observation.max_smear_px = {limit:g}: limits nothing without camera.exposure_s; give the exposure in "
-                "seconds, or set max_smear_px: null"
+                f"observation.max_motion_blur_px = {limit:g}: limits nothing without camera.exposure_s; give the exposure in "
+                "seconds, or set max_motion_blur_px: null"
             )
         return self
 
@@ -370,7 +370,7 @@ class Scenario(Section):
                 raise ValueError(f"{key} = {value:g}: must be a whole multiple of {unit_key} = {unit:g}")
         if self.spacecraft.thrusters is not None:
             thrusters_can_pulse(self.spacecraft.thrusters, self.control.period_s)
-        self._check_visits()
+        self._check_arrivals()
         self._check_corrections()
         return self
 
@@ -378,20 +378,20 @@ class Scenario(Section):
         """Refuse corrections that nothing can fly, and times at which nobody decides."""
         corrections_can_be_flown(self.trajectory, self.spacecraft.thrusters)
         for k, correction in enumerate(self.trajectory.corrections):
-            if not is_multiple(correction.after_release_s or correction.before_visit_s or 0.0, self.control.period_s):
+            if not is_multiple(correction.after_release_s or correction.before_arrival_s or 0.0, self.control.period_s):
                 raise ValueError(
                     f"trajectory.corrections.{k}.{correction.key}: must be a whole multiple of control.period_s = "
                     f"{self.control.period_s:g}"
                 )
 
-    def _check_visits(self) -> None:
-        """Refuse releases and visits that the flight does not sample, and targets that are not there."""
+    def _check_arrivals(self) -> None:
+        """Refuse releases and arrivals that the flight does not sample, and targets that are not there."""
         design, interval = self.design, self.telemetry.interval_s
         own = [("design", 0, design.release_s, design.time_of_flight_s)]
-        for k, visit in enumerate(design.observers):
-            release = design.release_s if visit.release_s is None else visit.release_s
-            flight = design.time_of_flight_s if visit.time_of_flight_s is None else visit.time_of_flight_s
-            own.append((f"design.observers.{k}", visit.target, release, flight))
+        for k, arrival in enumerate(design.observers):
+            release = design.release_s if arrival.release_s is None else arrival.release_s
+            flight = design.time_of_flight_s if arrival.time_of_flight_s is None else arrival.time_of_flight_s
+            own.append((f"design.observers.{k}", arrival.target, release, flight))
         targets = len(self.designer.extra_targets)
         for key, target, release, flight in own:
             if target > targets:

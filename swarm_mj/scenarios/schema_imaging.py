@@ -30,8 +30,8 @@ class Camera(Section):
         None,
         ge=0,
         le=60,
-        description="time for which a picture is exposed [s]: the motion of its cells over the detector is then told as smear, "
-        "and observation.max_smear_px can limit it; null or 0: an instant, no smear",
+        description="time for which a picture is exposed [s]: the motion of its cells over the detector is then told as motion "
+        "blur, and observation.max_motion_blur_px can limit it; null or 0: an instant, no motion blur",
     )
     ground_resolution_m: float | None = Field(
         None,
@@ -60,8 +60,8 @@ class Observation(Section):
         description="face-ID buffers by OpenGL, the same by compiled code, ray casting, horizon maps; auto: the first that "
         "this machine can",
     )
-    criterion: Literal["passage", "visit"] = Field(
-        "passage", description="count the whole passage inside the imaging region, or only the instant of the visit"
+    criterion: Literal["passage", "arrival"] = Field(
+        "passage", description="count the whole passage inside the imaging region, or only the instant of the arrival"
     )
     interval_s: float = Field(10.0, gt=0, description="time between two images of a spacecraft [s]")
     min_fraction: float = Field(
@@ -90,7 +90,7 @@ class Observation(Section):
     max_gsd_m: float | None = Field(
         None, gt=0, description="largest ground sampling distance, obliquity included [m]; null: any"
     )
-    max_smear_px: float | None = Field(
+    max_motion_blur_px: float | None = Field(
         None,
         gt=0,
         description="largest motion of a face over the detector during camera.exposure_s, which must be given [px]; of its "
@@ -123,4 +123,4 @@ class Observation(Section):
     @property
     def needs_motion(self) -> bool:
         """Whether it matters how the camera moves."""
-        return self.max_smear_px is not None
+        return self.max_motion_blur_px is not None

@@ -76,10 +76,10 @@ class Design(Section):
                 f"observers: has {len(self.observers)} entries and visiting_points {len(self.visiting_points)}: must be as "
                 "many, or give only one of the two"
             )
-        for k, (visit, point) in enumerate(zip(self.observers, self.visiting_points, strict=True)):
-            if visit.visiting_point not in (None, point):
+        for k, (arrival, point) in enumerate(zip(self.observers, self.visiting_points, strict=True)):
+            if arrival.visiting_point not in (None, point):
                 raise ValueError(
-                    f"observers.{k}.visiting_point = {visit.visiting_point}: must be {point} as in visiting_points, or give "
+                    f"observers.{k}.visiting_point = {arrival.visiting_point}: must be {point} as in visiting_points, or give "
                     "only one of the two"
                 )
         return self

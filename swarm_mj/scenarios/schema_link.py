@@ -173,8 +173,8 @@ class Data(Section):
     pictures: Literal["best", "first", "all"] = Field(
         "best",
         description="by which picture a spacecraft keeps a cell that several of its own show: the one of the finest ground "
-        "sampling distance (within a tenth, the nearest to the visit); the first that counts; or the best, and the others are "
-        "sent beside it",
+        "sampling distance (within a tenth, the nearest to the arrival); the first that counts; or the best, and the others "
+        "are sent beside it",
     )
     product: Literal["frame", "window", "cells"] = Field(
         "frame",

@@ -83,13 +83,13 @@ class Correction(Section):
     """A trajectory correction manoeuvre of every spacecraft."""
 
     after_release_s: float | None = Field(None, gt=0, description="time after the spacecraft's release [s]")
-    before_visit_s: float | None = Field(None, gt=0, description="time before its visit [s]; give one of both")
+    before_arrival_s: float | None = Field(None, gt=0, description="time before its arrival [s]; give one of both")
 
     @model_validator(mode="after")
     def _one_time(self) -> Self:
-        if (self.after_release_s is None) == (self.before_visit_s is None):
+        if (self.after_release_s is None) == (self.before_arrival_s is None):
             given = "none is given" if self.after_release_s is None else "both are given"
-            raise ValueError(f"after_release_s, before_visit_s: {given}; must be one of both")
+            raise ValueError(f"after_release_s, before_arrival_s: {given}; must be one of both")
         return self
 
     @property
@@ -97,7 +97,7 @@ class Correction(Section):
         """Name and value of the time, for messages."""
         if self.after_release_s is not None:
             return f"after_release_s = {self.after_release_s:g}"
-        return f"before_visit_s = {self.before_visit_s:g}"
+        return f"before_arrival_s = {self.before_arrival_s:g}"
 
 
 class Trajectory(Section):

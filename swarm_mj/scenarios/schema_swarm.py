@@ -22,9 +22,9 @@ class Formation(Section):
         description="planned: each as its own planned path runs; cartesian: at offsets that stay; natural: as relative orbits, "
         "which fly on freely from offsets_m and offset_rates_m_s at start_s",
     )
-    frame: Literal["N", "visit"] = Field(
+    frame: Literal["N", "arrival"] = Field(
         "N",
-        description="axes of the offsets: N; or those of the mean visit, fixed in N: x away from the body and across the "
+        description="axes of the offsets: N; or those of the mean arrival, fixed in N: x away from the body and across the "
         "flight, y across both, z along the flight",
     )
     offsets_m: tuple[Vector3, ...] | None = Field(

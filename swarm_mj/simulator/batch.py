@@ -126,7 +126,7 @@ class FlightBatch:
                 f"physics.stepper = kernel flies the packaged CubeSat, not {model.own.path.name}; use physics.stepper: mujoco"
             )
         self._own_models = faults is not None or thrusters is not None
-        self._keeps_states = not self._kernel or self._own_models or setup.quickest_slews
+        self._keeps_states = not self._kernel or self._own_models or setup.minimum_time_slews
         self._steppers: list[MujocoStepper] = []
         if not self._kernel:
             timesteps, gm = self.world.timesteps, 0.0 if model.own is None else setup.gradient_gm
@@ -138,7 +138,7 @@ class FlightBatch:
         if thrusters is not None:
             gradient = self.world.gradient_gm > 0.0
             self._propulsion = [Propulsion(self.state(e), thrusters, gradient=gradient) for e in every]
-        self._slews = [Slews(self.state(e)) for e in every] if setup.quickest_slews else []
+        self._slews = [Slews(self.state(e)) for e in every] if setup.minimum_time_slews else []
         self._intended = [Targets(*(part[e] for part in self._held)) for e in every] if thrusters else []
 
     def state(self, e: int) -> FlightState:

@@ -44,8 +44,8 @@ class FlightSetup:
     period: float = 0.5  #: how long torques and forces are held [s]; a whole multiple of the model's timestep
     gravity_gradient: bool = False  #: whether the torque of the central field acts; the field must know its `gm`
     fault_model: FaultModel | None = None  #: what may go wrong; None: nothing, all is as planned
-    #: whether turns to new targets go by the quickest profile, see `Slews`, and not by the law's gains
-    quickest_slews: bool = False
+    #: whether turns to new targets go by the minimum-time profile, see `Slews`, and not by the law's gains
+    minimum_time_slews: bool = False
 
     @property
     def properties(self) -> SpacecraftProperties:

@@ -1,4 +1,4 @@
-"""Slews along the quickest turn that the wheels allow: the reference goes there by a profile in place of a jump.
+"""Slews along the minimum-time turn that the wheels allow: the reference goes there by a profile in place of a jump.
 
 When a target is new, guidance puts the reference on it at once, and the control law turns the body as its gains have it. Here
 the reference starts at the body instead and turns about the same axis, bang-bang or bang-coast-bang, within a share of what the

@@ -24,7 +24,7 @@ ERRORS = (
     "dispersions.burn_pointing_deg=1",
 )
 THRUSTERS = "spacecraft.thrusters={}"
-TWO = "trajectory.corrections=[{after_release_s: 60}, {before_visit_s: 120}]"
+TWO = "trajectory.corrections=[{after_release_s: 60}, {before_arrival_s: 120}]"
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def eros():
 def test_corrections_narrow_the_spread_to_what_navigation_leaves(eros):
     widest = eros.table["position_3_sigma_m"].loc["sc1"]
     assert widest[0] == pytest.approx(3 * 0.1 * 600, rel=0.02)  # 1 % is gravity's
-    # Known to 5 m and 0.01 m/s, burnt with an error of 2 % and 1 deg of some 0.1 m/s, 120 s before the visit.
+    # Known to 5 m and 0.01 m/s, burnt with an error of 2 % and 1 deg of some 0.1 m/s, 120 s before the arrival.
     assert widest[2] == pytest.approx(3 * np.hypot(5.0, 120 * 0.01), rel=0.02)
     assert list(eros.table.loc["sc1"]["time_s"])[1:] == [60.0, 480.0]
     assert eros.table.loc[("sc1", 2), "in_camera_percent"] > 99.9
@@ -58,8 +58,8 @@ def test_burns_together_are_less_than_the_sum_of_their_percentiles(eros):
 
 
 def test_findings_tell_each_stage_and_that_flights_agree(eros):
-    assert eros.findings[0].startswith("without corrections: 3 sigma 181 m at the visit")
-    assert eros.findings[2].startswith("after correction 2: 3 sigma 15.5 m at the visit")
+    assert eros.findings[0].startswith("without corrections: 3 sigma 181 m at the arrival")
+    assert eros.findings[2].startswith("after correction 2: 3 sigma 15.5 m at the arrival")
     assert eros.findings[2].endswith("0.259 m/s (99 %)")
     assert eros.findings[-1] == "300 flights under all forces agree with linear covariance within sampling error"
     assert (eros.agreement["chance"] > 0.001 / 6).all()
@@ -84,7 +84,7 @@ def test_a_late_correction_of_a_fast_flyby_takes_away_what_two_days_have_made():
     found = sm.navigate(
         "fast-flyby",
         parse_overrides(
-            [*errors, THRUSTERS, "trajectory.corrections=[{after_release_s: 3600}, {before_visit_s: 7200}]"]
+            [*errors, THRUSTERS, "trajectory.corrections=[{after_release_s: 3600}, {before_arrival_s: 7200}]"]
         ),
     )
     left = found.table["position_3_sigma_m"].loc["sc1"]
@@ -105,7 +105,7 @@ def test_what_follows_a_burn_that_errs_has_the_tail_of_a_product():
         "dispersions.deployment_velocity_m_s": 0.1,
         "dispersions.burn_magnitude_percent": 100 * s,
     }
-    two = "trajectory.corrections=[{after_release_s: 60}, {before_visit_s: 120}]"
+    two = "trajectory.corrections=[{after_release_s: 60}, {before_arrival_s: 120}]"
     rows = sm.navigate("eros-config1", {**errors, **parse_overrides([two])}).table.loc["sc1"]
     product = brentq(lambda q: 2.0 * quad(lambda g: norm.pdf(g) * maxwell.cdf(q / g), 0.0, 8.0)[0] - 0.99, 1.0, 20.0)
     first = 0.1 * time / (time - 60.0)
@@ -121,7 +121,11 @@ def test_what_follows_a_burn_that_errs_has_the_tail_of_a_product():
 
 def test_exact_knowledge_leaves_numbers():
     """A burn without errors takes away all but rounding, whose variance may be below zero."""
-    changes = ("dispersions.deployment_velocity_m_s=0.1", THRUSTERS, "trajectory.corrections=[{before_visit_s: 7200}]")
+    changes = (
+        "dispersions.deployment_velocity_m_s=0.1",
+        THRUSTERS,
+        "trajectory.corrections=[{before_arrival_s: 7200}]",
+    )
     after = sm.navigate("fast-flyby", parse_overrides(changes)).table.xs(1, level="corrections")
     assert (after[["sigma_R_m", "sigma_T_m", "sigma_S_m"]] >= 0.0).all(axis=None)
     assert (after["position_3_sigma_m"] < 0.01).all()
@@ -137,7 +141,7 @@ def test_the_mothership_errs_for_all_that_it_lets_go():
 def test_a_release_that_comes_later_carries_the_mothership_there():
     plan = make_plan(load_scenario("bennu-slow", {"dispersions.mothership_velocity_m_s": 0.02}), check_separation=False)
     late = replace(plan, deployment=replace(plan.deployment, release_s=np.full(plan.n, 100.0)))
-    deviation = np.sqrt(np.diagonal(analyse_corrections(late).spread.at_visit[0, 0])[:3])
+    deviation = np.sqrt(np.diagonal(analyse_corrections(late).spread.at_arrival[0, 0])[:3])
     assert deviation == pytest.approx(np.full(3, 0.02 * 600), rel=1e-3)
 
 
@@ -162,12 +166,12 @@ def test_what_is_not_worth_it_or_too_much_is_said():
     [
         (["trajectory.corrections=[{after_release_s: 60}]"], "give spacecraft.thrusters"),
         ([THRUSTERS, "trajectory.corrections=[{after_release_s: 600}]"], "corrections.0.after_release_s = 600.*600 s"),
-        ([THRUSTERS, "trajectory.corrections=[{before_visit_s: 700}]"], "corrections.0.before_visit_s = 700.*less"),
+        ([THRUSTERS, "trajectory.corrections=[{before_arrival_s: 700}]"], "corrections.0.before_arrival_s = 700.*less"),
         ([THRUSTERS, "trajectory.corrections=[{after_release_s: -5}]"], "after_release_s"),
         ([THRUSTERS, "trajectory.corrections=[{}]"], "none is given; must be one of both"),
-        ([THRUSTERS, "trajectory.corrections=[{after_release_s: 1, before_visit_s: 2}]"], "both are given"),
+        ([THRUSTERS, "trajectory.corrections=[{after_release_s: 1, before_arrival_s: 2}]"], "both are given"),
         ([THRUSTERS, "trajectory.corrections=[{after_release_s: 60.3}]"], "whole multiple of control.period_s = 0.5"),
-        ([THRUSTERS, "trajectory.corrections=[{after_release_s: 60}, {before_visit_s: 540}]"], "at the same time"),
+        ([THRUSTERS, "trajectory.corrections=[{after_release_s: 60}, {before_arrival_s: 540}]"], "at the same time"),
         (["spacecraft.thrusters={layout: four_z}", TWO], "layout = four_z.*must be six"),
         (["spacecraft.thrusters={thrust_n: 0.5}"], "plan has insertion burns.*max_speed_m_s: null"),
     ],

@@ -36,9 +36,9 @@ def test_the_intervals_of_the_95th_percentile_lie_apart_and_the_legend_explains_
     names, errors = [f"s{k}" for k in range(count)], np.linspace(0.1, 0.4, 40)
     resolved = SimpleNamespace(campaign=SimpleNamespace(name="c"), bases=dict.fromkeys(names))
     column, of = np.tile(errors, count), np.repeat(names, len(errors))
-    results = pa.table({"scenario": of, "pointing_error_deg_visit_max": column})
+    results = pa.table({"scenario": of, "pointing_error_deg_arrival_max": column})
     quantiles = {"0.95": {"value": 0.38, "low": 0.35, "high": 0.39}}
-    entry = {"outcomes": {"pointing_error_deg_visit_max": {"quantiles": quantiles}}}
+    entry = {"outcomes": {"pointing_error_deg_arrival_max": {"quantiles": quantiles}}}
     figure = compose_pointing(resolved, results, {"scenarios": dict.fromkeys(names, entry)})
     figure.draw_without_rendering()
     (ax,) = figure.axes

@@ -34,7 +34,7 @@ def test_the_same_row_is_the_same_whether_the_plan_is_fresh_or_kept(write):
     rows = [without_time(kept.fly(row)) for row in (0, 1, 2, 1)]
     assert rows[1] == rows[3]
     assert rows[2] == without_time(Flyer(resolved).fly(2))
-    assert rows[0]["pointing_error_deg_visit_max"] != rows[1]["pointing_error_deg_visit_max"]
+    assert rows[0]["pointing_error_deg_arrival_max"] != rows[1]["pointing_error_deg_arrival_max"]
 
 
 def test_a_kept_plan_serves_other_faults_and_still_refuses_those_that_cannot_happen(write, monkeypatch):
@@ -69,7 +69,7 @@ def test_a_row_agrees_with_the_flight_of_its_own_scenario(write):
     assert row["link_closed_percent_mean"] == pytest.approx(sum(summary["link_closed_percent"].values()) / plan.n)
     assert row["covered"] == (100.0 - summary["coverage_percent"] <= 0.1)
     error = telemetry["pointing_error"].values[60]  # 600 s, every 10 s
-    assert row["pointing_error_deg_visit_max"] == math.degrees(error.max())
+    assert row["pointing_error_deg_arrival_max"] == math.degrees(error.max())
 
 
 def test_a_run_that_fails_is_a_row_with_its_error_and_seed(write):

@@ -298,7 +298,7 @@ def test_one_observer_is_one():
     record = {
         "proof": {"status": "optimal", "minimum": 1, "covered_percent": 100.0, "visiting_points": [3], "seconds": 0.1},
         "genetic": {}, "gap": 0, "n_observers": 1, "selected_by": "exact solver",
-        "criterion": {"criterion": "visit"}, "camera": {"half_angle_deg": 3.0},
+        "criterion": {"criterion": "arrival"}, "camera": {"half_angle_deg": 3.0},
     }  # fmt: skip
     record |= {"candidates": ["3"], "visiting_points": [3], "beyond_deployer": 0}
     assert "selected: 1 observer by" in design_table(record).caption and "Selected" not in design_table(record).caption

@@ -89,12 +89,12 @@ def test_pointing_errors_at_the_pictures_are_those_of_the_telemetry(folder, summ
         knowledge = np.degrees(telemetry["attitude_knowledge_error"].values)
         looking = np.isin(telemetry["mode"].values, (0, 3))
         times = telemetry["time"].values
-    visit = int(np.flatnonzero(times == 600.0)[0])
-    assert summary["sensors"] == "cubesat" and 0.001 < knowledge[visit].max() < 0.1
+    arrival = int(np.flatnonzero(times == 600.0)[0])
+    assert summary["sensors"] == "cubesat" and 0.001 < knowledge[arrival].max() < 0.1
     for j, name in enumerate(("sc1", "sc2")):
-        assert summary["pointing_error_deg_visit"][name] == pytest.approx(error[visit, j], abs=1e-9)
-        assert summary["attitude_knowledge_error_deg_visit"][name] == pytest.approx(knowledge[visit, j], abs=1e-9)
-        at = [k for k in range(len(times)) if looking[k, j] and (times[k] % 60.0 == 0.0 or k == visit)]
+        assert summary["pointing_error_deg_arrival"][name] == pytest.approx(error[arrival, j], abs=1e-9)
+        assert summary["attitude_knowledge_error_deg_arrival"][name] == pytest.approx(knowledge[arrival, j], abs=1e-9)
+        at = [k for k in range(len(times)) if looking[k, j] and (times[k] % 60.0 == 0.0 or k == arrival)]
         assert summary["pointing_error_deg_pictures_median"][name] == pytest.approx(np.median(error[at, j]), abs=1e-9)
 
 
@@ -123,12 +123,12 @@ def test_the_written_scenario_flies_the_same_again(folder, tmp_path, summary):
             assert all(np.array_equal(a[name].values, b[name].values, equal_nan=True) for name in a.data_vars)
 
 
-def test_the_visit_alone_sees_less_than_the_passage(tmp_path):
-    out = tmp_path / "visit"
-    narrow = ["--set", "observation.criterion=visit", "--set", "camera.half_angle_deg=6"]
+def test_the_arrival_alone_sees_less_than_the_passage(tmp_path):
+    out = tmp_path / "arrival"
+    narrow = ["--set", "observation.criterion=arrival", "--set", "camera.half_angle_deg=6"]
     assert main([*QUICK, "--out", str(out), *narrow]) == 0
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["criterion"] == "visit"
+    assert summary["criterion"] == "arrival"
     assert 0 < summary["coverage_percent"] < summary["coverage_percent_passage"] < 100
 
 
@@ -157,9 +157,9 @@ def test_where_egl_finds_no_driver_the_job_completes_on_compiled_drawing(tmp_pat
     assert "drawn by compiled code" in done.stdout
 
 
-def test_the_visit_is_found_at_times_that_rounding_disturbs(tmp_path):
+def test_the_arrival_is_found_at_times_that_rounding_disturbs(tmp_path):
     fine = ["control.period_s=0.1", "physics.timestep_s=0.1", "telemetry.interval_s=0.1", "design.time_of_flight_s=600.3",
-            "observation.interval_s=60", "duration_s=660", "observation.criterion=visit"]  # fmt: skip
+            "observation.interval_s=60", "duration_s=660", "observation.criterion=arrival"]  # fmt: skip
     arguments = [part for override in fine for part in ("--set", override)]
     assert main([*QUICK, "--out", str(tmp_path / "run"), *arguments]) == 0
     assert json.loads((tmp_path / "run" / "summary.json").read_text())["coverage_percent"] > 50

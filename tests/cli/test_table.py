@@ -30,10 +30,10 @@ def test_numbers_have_a_power_of_ten_only_where_they_need_one():
 
 
 def test_sensors_are_named_where_the_pointing_error_stands_with_what_they_know():
-    cell = _ROWS["sensors; attitude known at the visit, at worst to [deg]"]
+    cell = _ROWS["sensors; attitude known at the arrival, at worst to [deg]"]
     assert cell({"sensors": "ideal"}) == "ideal; -"
     known = {"sc1": 0.0132, "sc2": 0.0171}
-    assert cell({"sensors": "cubesat", "attitude_knowledge_error_deg_visit": known}) == "cubesat; 0.0171"
+    assert cell({"sensors": "cubesat", "attitude_knowledge_error_deg_arrival": known}) == "cubesat; 0.0171"
 
 
 def printed(tables, width, terminal):

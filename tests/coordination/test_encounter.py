@@ -1,4 +1,4 @@
-"""The table of an encounter: pictures show what the criterion counts, smear and releases included."""
+"""The table of an encounter: pictures show what the criterion counts, motion blur and releases included."""
 
 from functools import cache
 
@@ -10,13 +10,13 @@ from swarm_mj.mission.target import build_target
 from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.capture import observe
 from swarm_mj.observation.horizon import HorizonObserver
-from swarm_mj.observation.smear import smear_px
+from swarm_mj.observation.motion_blur import motion_blur_px
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.smallbody.shape_harmonics import build_ellipsoid
 
 CAMERA = CameraModel(half_angle_deg=3.0, shape="cone", exposure_s=0.01)
 ANY = Observation(light="ignored", max_emission_deg=90.0, min_pixels=0.0)
-LIMITED = Observation(max_gsd_m=0.35, max_emission_deg=60.0, max_incidence_deg=80.0, max_smear_px=1.0)
+LIMITED = Observation(max_gsd_m=0.35, max_emission_deg=60.0, max_incidence_deg=80.0, max_motion_blur_px=1.0)
 
 
 @pytest.fixture(autouse=True)
@@ -63,10 +63,10 @@ def test_who_is_still_aboard_the_mothership_shows_nothing():
     np.testing.assert_array_equal(held[[0, 2]], all_free[[0, 2]])
 
 
-def test_a_camera_that_follows_its_aim_does_not_smear_it():
+def test_a_camera_that_follows_its_aim_does_not_blur_it():
     region, pose = target(), look_at([300.0, 1500.0, 100.0], target().centroid_A[7])
     v_A = np.array([100.0, -20.0, 30.0])
     still = following(region.centroid_A[7] - pose.r_A, v_A, pose.C_CA)
-    smear = smear_px(region, CAMERA, pose.r_A, pose.C_CA, still)
-    fixed = smear_px(region, CAMERA, pose.r_A, pose.C_CA, still._replace(omega_C=np.zeros(3)))
-    assert smear[7] < 1e-9 < 1.0 < fixed[7]
+    motion_blur = motion_blur_px(region, CAMERA, pose.r_A, pose.C_CA, still)
+    fixed = motion_blur_px(region, CAMERA, pose.r_A, pose.C_CA, still._replace(omega_C=np.zeros(3)))
+    assert motion_blur[7] < 1e-9 < 1.0 < fixed[7]

@@ -15,7 +15,7 @@ from swarm_mj.designer.study import study_design
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
-FAST = ["observation.criterion=visit", "observation.observer=raycast", "target.cell_size_m=null", "data.slot_s=10",
+FAST = ["observation.criterion=arrival", "observation.observer=raycast", "target.cell_size_m=null", "data.slot_s=10",
         "designer.max_generations=10"]  # fmt: skip
 
 

@@ -71,7 +71,7 @@ def random_scenario(seed):
                 "imaging_radius_m": 3.0 * far,
             },
             "camera": {"half_angle_deg": float(rng.uniform(10.0, 21.5)), "resolution_px": 512},
-            "observation": {"criterion": "visit", "observer": "horizon"},
+            "observation": {"criterion": "arrival", "observer": "horizon"},
             "designer": {
                 "extra_targets": [target() for _ in range(seed % 2)],
                 "altitudes_m": [altitude, 1.3 * altitude][: 2 - seed % 2],
@@ -85,15 +85,15 @@ def random_scenario(seed):
 
 
 def in_daylight(data):
-    """The scenario at the epoch, of a rotation, at which the least lit of its targets is best lit at the visit."""
+    """The scenario at the epoch, of a rotation, at which the least lit of its targets is best lit at the arrival."""
     dark = load_scenario(data)
     around = epoch_state(dark)
     targets = [data["target"], *data["designer"]["extra_targets"]]
     normals = [[np.radians(t[key]) for key in ("latitude_deg", "longitude_deg")] for t in targets]
     up = np.array([[np.cos(b) * np.cos(x), np.cos(b) * np.sin(x), np.sin(b)] for b, x in normals])
     later = 2.0 * np.pi / abs(around.spin_rate) * np.arange(48) / 48
-    visits = later + data["design"]["time_of_flight_s"]
-    sun_A = [spin_dcm(around.C_PN, around.phase0 + around.spin_rate * t) @ around.sun.at(t) for t in visits]
+    arrivals = later + data["design"]["time_of_flight_s"]
+    sun_A = [spin_dcm(around.C_PN, around.phase0 + around.spin_rate * t) @ around.sun.at(t) for t in arrivals]
     best = timedelta(seconds=float(later[np.argmax([(up @ sun).min() for sun in sun_A])]))
     return load_scenario(data | {"epoch": (datetime.fromisoformat(dark.epoch) + best).isoformat()})
 

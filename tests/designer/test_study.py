@@ -18,7 +18,7 @@ from swarm_mj.flight.plan import make_plan
 from swarm_mj.observation.capture import lit
 from swarm_mj.scenarios.loading import design_section, load_scenario, parse_overrides
 
-FAST = ["observation.criterion=visit", "observation.observer=raycast", "target.cell_size_m=null", "camera.half_angle_deg=6",
+FAST = ["observation.criterion=arrival", "observation.observer=raycast", "target.cell_size_m=null", "camera.half_angle_deg=6",
         "designer.max_generations=30"]  # fmt: skip
 
 
@@ -129,7 +129,7 @@ def test_a_design_of_other_altitudes_or_targets_is_flown_by_run(tmp_path, freedo
 
 
 def test_a_swarm_designed_for_two_fold_coverage_loses_any_one_in_flight_and_still_sees_the_whole_target():
-    demands = ["observation.criterion=visit", "observation.observer=raycast", "target.cell_size_m=null", "designer.fold=2",
+    demands = ["observation.criterion=arrival", "observation.observer=raycast", "target.cell_size_m=null", "designer.fold=2",
                "camera.half_angle_deg=6"]  # fmt: skip
     study = study_design(load_scenario("eros-quick", parse_overrides(demands)))
     assert study.exact.n_observers > study_design(load_scenario("eros-quick", parse_overrides(FAST))).exact.n_observers

@@ -67,7 +67,7 @@ def test_the_page_lists_every_key_of_a_design(tmp_path):
     design = sm.design(
         sm.load(
             "eros-quick",
-            {"observation.criterion": "visit", "designer.max_generations": 1, "designer.deliver_within_h": 24},
+            {"observation.criterion": "arrival", "designer.max_generations": 1, "designer.deliver_within_h": 24},
         )
     )
     folder = design.save(tmp_path / "design", figures=False)

@@ -233,9 +233,9 @@ def test_paths_lead_over_their_visiting_points_at_any_speed_however_the_body_tur
     plan, environment = mission.plan, mission.plan.environment
     for speed in (0.6, 1.0, 1.7):
         v_N = mission.velocity_N(np.array([0.3]), np.array([0.9]), speed)
-        visit = 200.0 / speed
-        path, _ = propagate(environment.acceleration_N, plan.deployment.r0_N[None], v_N, np.array([0.0, visit]))
-        there_A = environment.C_AN(visit) @ path[-1, 0]
+        arrival = 200.0 / speed
+        path, _ = propagate(environment.acceleration_N, plan.deployment.r0_N[None], v_N, np.array([0.0, arrival]))
+        there_A = environment.C_AN(arrival) @ path[-1, 0]
         points = plan.region.visiting_points_A(0.9 * mission.altitude_m)
         off = np.linalg.norm(points - there_A, axis=1).min() / mission.altitude_m
         assert off < (1e-3 if speed == 1.0 else 0.03)

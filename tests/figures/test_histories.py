@@ -57,7 +57,7 @@ def test_curves_stay_below_the_band_that_names_the_modes(composed):
                     assert ax.transAxes.inverted().transform((0.0, top))[1] < band
 
 
-def test_panels_mark_the_visit_and_every_switch(flown, composed):
+def test_panels_mark_the_arrival_and_every_switch(flown, composed):
     plan, telemetry, _ = flown
     mode = telemetry["mode"].values
     times = telemetry["time"].values / 60.0
@@ -95,7 +95,7 @@ def test_flight_without_a_switch_marks_none(flown):
     figure = COMPOSERS["tracking_error"](plan, calm, result)
     legend = {text.get_text() for text in figure.legends[0].get_texts()}
     assert "switch" not in legend
-    assert "visit" in legend
+    assert "arrival" in legend
     assert_nothing_is_cut_off(figure)
 
 

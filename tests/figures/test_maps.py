@@ -115,8 +115,8 @@ def test_ground_in_front_hides_what_lies_behind(cube):
 
 def test_cells_that_a_picture_shows_lie_in_its_footprint(flown):
     plan, telemetry, _ = flown
-    region, visit = plan.region, 120
-    sample = telemetry.isel(time=visit)
+    region, arrival = plan.region, 120
+    sample = telemetry.isel(time=arrival)
     C_AN = dcm(sample["sigma_AN"].values)
     pose = look_at(C_AN @ sample["r_BN_N"].values[0], region.centroid_A.mean(axis=0))
     camera = CameraModel(half_angle_deg=3.0)

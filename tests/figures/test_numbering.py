@@ -71,13 +71,13 @@ def test_no_number_of_the_trajectories_covers_a_marker(flown, n):
         assert not any(box.overlaps(other) for other in boxes[k + 1 :])
 
 
-def test_the_line_of_the_visit_runs_through_no_name_of_a_mode(flown):
+def test_the_line_of_the_arrival_runs_through_no_name_of_a_mode(flown):
     plan, telemetry, result = flown
     calm = telemetry.assign(mode=telemetry["mode"] * 0, tracked_spacecraft=telemetry["tracked_spacecraft"] * 0)
     figure = COMPOSERS["links"](plan, calm, result)
     figure.draw_without_rendering()
     ax = figure.axes[0]
-    visit = ax.transData.transform((plan.scenario.design.time_of_flight_s / 60.0, 0.0))[0]
+    arrival = ax.transData.transform((plan.scenario.design.time_of_flight_s / 60.0, 0.0))[0]
     names = [Text.get_window_extent(text) for text in ax.texts if text.get_text() == "TO"]
     assert len(names) == plan.n
-    assert not any(box.x0 < visit < box.x1 for box in names)
+    assert not any(box.x0 < arrival < box.x1 for box in names)

@@ -15,7 +15,7 @@ from swarm_mj.mission.target import angles
 
 from .sheets import assert_nothing_is_cut_off, swarm_of, with_coverage
 
-VISIT = 120  # sample of the quick flight: 600 s at 5 s
+ARRIVAL = 120  # sample of the quick flight: 600 s at 5 s
 
 
 def test_twelve_spacecraft_are_drawn_around_the_body(flown):
@@ -50,12 +50,12 @@ def test_target_figure_numbers_every_visiting_point(flown, composed):
 def test_axes_of_observers_end_on_the_ground(flown):
     plan, telemetry, _ = flown
     scene = scene_from(plan, telemetry)
-    visit = 120  # 600 s at 5 s
-    assert scene.times[visit] == 600.0
-    tips = axis_tips(telemetry, scene, plan.region.mesh, visit, 1e4)
+    arrival = 120  # 600 s at 5 s
+    assert scene.times[arrival] == 600.0
+    tips = axis_tips(telemetry, scene, plan.region.mesh, arrival, 1e4)
     nearest = np.linalg.norm(plan.region.mesh.face_centroids[:, None] - tips, axis=2).min(axis=0)
     assert (nearest < 500.0).all()
-    assert scene.r_A[visit] == pytest.approx(plan.points_A, abs=1.0)
+    assert scene.r_A[arrival] == pytest.approx(plan.points_A, abs=1.0)
 
 
 def test_target_faces_the_viewer(flown):
@@ -81,13 +81,13 @@ def test_places_in_words():
 def test_flight_plane_holds_the_mean_path_and_the_body(flown):
     plan, telemetry, _ = flown
     scene = scene_from(plan, telemetry)
-    view = flight_plane(plan.region, scene, VISIT)
+    view = flight_plane(plan.region, scene, ARRIVAL)
     assert view.axes @ view.axes.T == pytest.approx(np.eye(3), abs=1e-12)
     assert np.linalg.det(view.axes) == pytest.approx(1.0)
     path = scene.r_A.mean(axis=1)
-    for place in (path[VISIT], path[-1] - path[0]):
+    for place in (path[ARRIVAL], path[-1] - path[0]):
         assert place @ view.toward == pytest.approx(0.0, abs=1e-6 * np.linalg.norm(place))
-    assert path[VISIT] @ view.axes[1] > 0.0
+    assert path[ARRIVAL] @ view.axes[1] > 0.0
 
 
 def test_no_path_and_no_axis_crosses_the_words_for_an_instant(flown):
@@ -132,7 +132,7 @@ def test_velocities_of_deployment_are_those_of_the_plan(flown, composed):
 
 def test_trajectories_end_solid_at_the_visiting_points(flown, composed):
     plan, telemetry, _ = flown
-    view = best_view(plan.region, scene_from(plan, telemetry), (VISIT, 240))
+    view = best_view(plan.region, scene_from(plan, telemetry), (ARRIVAL, 240))
     ax = composed["trajectories"].axes[0]
     marks = np.array([line.get_xydata()[0] for line in ax.lines if line.get_marker() == "o" and len(line.get_xdata())])
     assert marks == pytest.approx(view.project(plan.points_A), abs=1e-3)

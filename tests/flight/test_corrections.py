@@ -23,7 +23,7 @@ ERRORS = (
     "dispersions.burn_magnitude_percent=5",
     "dispersions.burn_pointing_deg=3",
 )
-TWO = "trajectory.corrections=[{after_release_s: 60}, {before_visit_s: 120}]"
+TWO = "trajectory.corrections=[{after_release_s: 60}, {before_arrival_s: 120}]"
 ONE = "trajectory.corrections=[{after_release_s: 60}]"
 
 
@@ -35,7 +35,7 @@ def planned(name, *changes):
 
 
 def flown(plan, seed=0):
-    """How far each is from its visiting point at the visit, shape (n, 3) [m], and the simulation then."""
+    """How far each is from its visiting point at the arrival, shape (n, 3) [m], and the simulation then."""
     simulation = make_simulation(replace(plan, scenario=plan.scenario.model_copy(update={"seed": seed})))
     while simulation.time < plan.deployment.arrival_s[0] - 1e-6:
         simulation.step()
@@ -67,7 +67,7 @@ def test_it_burns_what_the_deployer_erred_by_and_what_that_did_meanwhile(exact):
 @pytest.mark.parametrize("name", ["eros-config1", "bennu-slow"])
 def test_whole_flights_spread_as_linear_covariance_says(name):
     plan = planned(name, *ERRORS, TWO)
-    covariance = analyse_corrections(plan).spread.at_visit[-1, :, :3, :3]
+    covariance = analyse_corrections(plan).spread.at_arrival[-1, :, :3, :3]
     square, burnt = 0.0, []
     for seed in range(3):
         off, simulation = flown(plan, seed)
@@ -131,8 +131,8 @@ LATE = (
 WRONG = ("dispersions.mothership_position_m=20", "dispersions.mothership_velocity_m_s=0.05")
 
 
-def at_visits(plan, seed=0):
-    """How far each is from its point at its own visit, shape (n, 3) [m], and the simulation after the last."""
+def at_arrivals(plan, seed=0):
+    """How far each is from its point at its own arrival, shape (n, 3) [m], and the simulation after the last."""
     simulation = make_simulation(replace(plan, scenario=plan.scenario.model_copy(update={"seed": seed})))
     off, arrival_s = np.zeros((plan.n, 3)), plan.deployment.arrival_s
     for t in np.unique(arrival_s):
@@ -145,9 +145,9 @@ def at_visits(plan, seed=0):
 def test_errors_of_the_mothership_reach_who_leaves_late_as_its_coast_carries_them():
     plan = planned("bennu-slow", *WRONG, *LATE)
     deployment, square = plan.deployment, 0.0
-    errors = analyse_corrections(plan).spread.at_visit[-1, :, :3, :3]
+    errors = analyse_corrections(plan).spread.at_arrival[-1, :, :3, :3]
     for seed in range(3):
-        off, simulation = at_visits(plan, seed)
+        off, simulation = at_arrivals(plan, seed)
         r_err, v_err = mothership_error(plan.scenario.dispersions, seed)
         for j in range(plan.n):
             release, arrival = deployment.release_s[j], deployment.arrival_s[j]
@@ -165,9 +165,9 @@ def test_errors_of_the_mothership_reach_who_leaves_late_as_its_coast_carries_the
 
 def test_corrections_count_from_each_ones_release_and_nobody_pushes_aboard():
     plan = planned("bennu-slow", *WRONG, *LATE, ONE)
-    off, simulation = at_visits(plan)
+    off, simulation = at_arrivals(plan)
     assert np.linalg.norm(off, axis=1).max() < 0.25
-    assert np.linalg.norm(at_visits(planned("bennu-slow", *WRONG, *LATE))[0], axis=1).min() > 5.0
+    assert np.linalg.norm(at_arrivals(planned("bennu-slow", *WRONG, *LATE))[0], axis=1).min() > 5.0
 
     class Pusher:
         def forces(self, view, memory):
@@ -183,6 +183,6 @@ def test_corrections_count_from_each_ones_release_and_nobody_pushes_aboard():
     assert np.array_equal(told[-1], ~late)
 
 
-def test_a_correction_after_the_visit_is_refused_before_the_flight():
+def test_a_correction_after_the_arrival_is_refused_before_the_flight():
     with pytest.raises(ScenarioError, match=r"corrections.0.after_release_s = 900: sc1 flies 600 s"):
         make_simulation(planned("eros-config1", "trajectory.corrections=[{after_release_s: 900}]"))

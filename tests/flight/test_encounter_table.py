@@ -33,7 +33,7 @@ def test_the_track_is_that_of_the_plan():
     r_N, _ = propagate(plan().environment.acceleration_N, starts, deployment.v0_N, times)
     C_AN = np.array([plan().environment.C_AN(t) for t in times])
     np.testing.assert_allclose(np.einsum("kji,knj->kni", C_AN, track.r_A), r_N, atol=1e-3)
-    np.testing.assert_allclose(track.r_A[2], plan().points_A, atol=1.0)  # visits at 600 s
+    np.testing.assert_allclose(track.r_A[2], plan().points_A, atol=1.0)  # arrivals at 600 s
     ahead = track_of(plan(), times + 0.5).r_A - track_of(plan(), np.maximum(times - 0.5, 0.0)).r_A
     np.testing.assert_allclose(track.v_A[1:], ahead[1:], rtol=1e-4)
 
@@ -73,9 +73,9 @@ def test_the_table_of_a_plan_that_is_flown_again_is_made_once_and_that_of_anothe
     assert encounter_of(narrow).shows.sum() < encounter_of(plan()).shows.sum()
 
 
-def test_where_the_visit_alone_counts_each_shows_something_in_its_own_visit_alone():
+def test_where_the_arrival_alone_counts_each_shows_something_in_its_own_arrival_alone():
     flights = "design.observers=[{time_of_flight_s: 600}, {time_of_flight_s: 640}, {}, {}, {}]"
-    encounter = encounter_of(plan("observation.criterion=visit", flights))
+    encounter = encounter_of(plan("observation.criterion=arrival", flights))
     assert encounter.slot_s.tolist() == [600.0, 640.0]
     useful = encounter.shows.any(axis=(1, 3))
     assert not useful[1, 0] and useful[1, 1] and not useful[[0, 2, 3, 4], 1].any()

@@ -1,4 +1,4 @@
-"""A whole flight past a body at 7 km/s, 100 km away: line of sight, tracking and smear against closed forms."""
+"""A whole flight past a body at 7 km/s, 100 km away: line of sight, tracking and motion blur against closed forms."""
 
 from dataclasses import replace
 from functools import cache
@@ -12,12 +12,12 @@ from swarm_mj.designer.candidates.visibility import imaging_model_from
 from swarm_mj.flight.fly import asteroid_attitudes, simulate
 from swarm_mj.flight.observe import camera_from, observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.observation.smear import CameraMotion, smear_px
+from swarm_mj.observation.motion_blur import CameraMotion, motion_blur_px
 from swarm_mj.records.summary import summarise
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
-SPEED, DISTANCE, VISIT = 7000.0, 100e3, 150.0
+SPEED, DISTANCE, ARRIVAL = 7000.0, 100e3, 150.0
 #: Peaks of the rate and of the acceleration of the line of sight of a straight flyby.
 PEAK_RATE, PEAK_ACCELERATION = SPEED / DISTANCE, 3 * np.sqrt(3) / 8 * (SPEED / DISTANCE) ** 2
 FLYBY = {
@@ -33,8 +33,8 @@ FLYBY = {
         },
     },
     "target": {"latitude_deg": 0, "longitude_deg": 90, "half_angle_deg": 20},
-    "design": {"visiting_points": [1], "imaging_altitude_m": DISTANCE - 4000, "time_of_flight_s": VISIT},
-    "mothership": {"position_A_m": [0, DISTANCE, -SPEED * VISIT]},
+    "design": {"visiting_points": [1], "imaging_altitude_m": DISTANCE - 4000, "time_of_flight_s": ARRIVAL},
+    "mothership": {"position_A_m": [0, DISTANCE, -SPEED * ARRIVAL]},
     "behavior": {"name": "adaptable_roles", "imaging_radius_m": 2e6},
     "spacecraft": {"sensors": "ideal"},
     "camera": {"half_angle_deg": 3, "exposure_s": 0.01},
@@ -67,7 +67,7 @@ def test_the_line_of_sight_turns_as_the_closed_form_of_a_straight_flyby():
     angle = np.arctan2(speed * t, b)
     assert np.abs(np.arccos(np.clip(z[0] @ z.T, -1, 1)) - (angle - angle[0])).max() < 1e-5
     rate = speed * b / (b * b + (speed * t) ** 2)
-    settled = telemetry["time"].values > VISIT - 30
+    settled = telemetry["time"].values > ARRIVAL - 30
     flown = np.linalg.norm(telemetry["omega_BN_B"].values[:, 0], axis=1)
     assert np.abs(flown - rate)[settled].max() < 0.005 * PEAK_RATE
     # The rate that is flown peaks at the closest approach, and so does the acceleration at b / (sqrt(3) v) from it.
@@ -85,7 +85,7 @@ def los(telemetry):
 def worst_deg(*overrides):
     """Largest pointing error once the first turn is done, around the closest approach."""
     _, telemetry = flight(*overrides)
-    return np.degrees(telemetry["pointing_error"].values[telemetry["time"].values > VISIT - 30, 0].max())
+    return np.degrees(telemetry["pointing_error"].values[telemetry["time"].values > ARRIVAL - 30, 0].max())
 
 
 @pytest.mark.parametrize(
@@ -110,11 +110,11 @@ def test_what_feed_forward_leaves_comes_of_holding_the_torque():
     assert half / whole == pytest.approx(0.5, rel=0.1)
 
 
-def test_flown_smear_is_told_and_is_that_of_two_samples():
+def test_flown_motion_blur_is_told_and_is_that_of_two_samples():
     plan, telemetry = flight()
     result = observe_flight(plan, telemetry)
-    told = summarise(plan, telemetry, result, {})["smear_px_visit"]
-    k, centroids = round(VISIT / 0.5), plan.region.centroid_A
+    told = summarise(plan, telemetry, result, {})["motion_blur_px_arrival"]
+    k, centroids = round(ARRIVAL / 0.5), plan.region.centroid_A
     C_AN, C_BN = asteroid_attitudes(telemetry), dcm(telemetry["sigma_BN"].values[:, 0])
 
     def pixels(k):
@@ -122,30 +122,30 @@ def test_flown_smear_is_told_and_is_that_of_two_samples():
         return in_camera[:, :2] / in_camera[:, 2:] * (256 / np.tan(np.radians(3.0)))
 
     expected = 0.01 * np.linalg.norm(pixels(k + 1) - pixels(k - 1), axis=1)  # in 1 s, of which 0.01 s are exposed
-    assert not np.isnan(result.smear_px).any()
-    assert np.allclose(result.smear_px, expected, rtol=0.03)
+    assert not np.isnan(result.motion_blur_px).any()
+    assert np.allclose(result.motion_blur_px, expected, rtol=0.03)
     assert told == {
         "median": pytest.approx(np.median(expected), rel=0.02),
         "max": pytest.approx(expected.max(), rel=0.02),
     }
-    assert "smear_px_visit" not in summarise(plan, telemetry, replace(result, smear_px=None), {})
+    assert "motion_blur_px_arrival" not in summarise(plan, telemetry, replace(result, motion_blur_px=None), {})
 
 
-def test_the_designer_judges_smear_by_the_commanded_rates():
+def test_the_designer_judges_motion_blur_by_the_commanded_rates():
     plan, telemetry = flight()
     seen, limit = {}, 0.12
     for limited in ("null", str(limit)):
         scenario = load_scenario(
-            FLYBY, parse_overrides([f"observation.max_smear_px={limited}", "observation.criterion=visit"])
+            FLYBY, parse_overrides([f"observation.max_motion_blur_px={limited}", "observation.criterion=arrival"])
         )
         flights = fly_candidates(scenario)
         with Judge(flights.plan.region, imaging_model_from(scenario), scenario.observation, workers=1) as judge:
             seen[limited] = dict(judge.seen([Watcher(flights, 0)]))[0]
     (k,) = np.flatnonzero(flights.counts)
     motion = CameraMotion(flights.v_A[k, 0], flights.omega_C[k, 0])
-    commanded = smear_px(plan.region, camera_from(scenario), flights.r_A[k, 0], flights.C_CA[k, 0], motion)
+    commanded = motion_blur_px(plan.region, camera_from(scenario), flights.r_A[k, 0], flights.C_CA[k, 0], motion)
     assert np.array_equal(seen[str(limit)], seen["null"] & (commanded <= limit))
     assert 0 < seen[str(limit)].sum() < seen["null"].sum()
     # What is flown misses the commanded rates by what holding the torque leaves, a tenth of a milliradian a second.
     slip = 2e-4 * 0.01 / camera_from(scenario).pixel_angle
-    assert np.abs(observe_flight(plan, telemetry).smear_px - commanded).max() < slip < 0.1 * commanded.max()
+    assert np.abs(observe_flight(plan, telemetry).motion_blur_px - commanded).max() < slip < 0.1 * commanded.max()

@@ -46,10 +46,10 @@ def test_the_longer_flights_that_are_named_need_no_more_than_the_deployer_gives_
     )[0]
     longer = plan_of(name, {**overrides, **said(plan, LONGER)})
     assert longer.deployment.delta_v.max() <= 2.0
-    visits = [
+    arrivals = [
         np.datetime64(p.scenario.epoch) + np.timedelta64(round(p.deployment.arrival_s[0]), "s") for p in (plan, longer)
     ]
-    assert visits[0] == visits[1]
+    assert arrivals[0] == arrivals[1]
     # So the body is turned alike, and points are where they were.
     assert longer.deployment.destination_N == pytest.approx(plan.deployment.destination_N, abs=1.0)
 
@@ -78,7 +78,7 @@ def test_the_thrusters_that_are_named_fly_insertion_burns_of_all_that_is_missing
 
 
 def test_corrections_beside_which_no_burns_are_flown_are_named():
-    overrides = {"spacecraft.thrusters": {}, "trajectory.corrections": [{"before_visit_s": 60}]}
+    overrides = {"spacecraft.thrusters": {}, "trajectory.corrections": [{"before_arrival_s": 60}]}
     (words,) = release_findings(plan_of("eros-quick", overrides))
     assert "leave out trajectory.corrections" in words and BURN not in words
 
@@ -92,6 +92,6 @@ def test_summary_table_and_report_of_a_flight_say_so(tmp_path):
     # With the thrusters that are named the flight arrives, and no tank runs empty.
     burnt = sm.fly("eros-quick", {**quick, "spacecraft.thrusters": {}, **said(flight.plan, BURN)})
     assert (
-        max(burnt.summary["visit_miss_mm"].values()) < 5e3 and min(burnt.summary["propellant_left_kg"].values()) > 0.0
+        max(burnt.summary["arrival_miss_mm"].values()) < 5e3 and min(burnt.summary["propellant_left_kg"].values()) > 0.0
     )
     assert not burnt.summary["deployment_findings"]

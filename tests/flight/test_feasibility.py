@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import ScenarioError, at_least, at_most
-from swarm_mj.flight.feasibility import TURN_IN_A_PERIOD, sight_rates, visit_geometry
+from swarm_mj.flight.feasibility import TURN_IN_A_PERIOD, arrival_geometry, sight_rates
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.spacecraft.attitude.slew import slew_profile, slew_time, turning_limits
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 
-from .test_fast_flyby import DISTANCE, FLYBY, SPEED, VISIT
+from .test_fast_flyby import ARRIVAL, DISTANCE, FLYBY, SPEED
 
 WEAK, LITTLE = (f"spacecraft.wheel.max_torque_n_m={torque}" for torque in (1e-4, 1.4e-4))
-#: The flyby, its visit well before the closest approach, where the acceleration is not zero.
-OBLIQUE = f"mothership.position_A_m=[0,{DISTANCE + 0.5 * SPEED * VISIT},{-0.87 * SPEED * VISIT}]"
+#: The flyby, its arrival well before the closest approach, where the acceleration is not zero.
+OBLIQUE = f"mothership.position_A_m=[0,{DISTANCE + 0.5 * SPEED * ARRIVAL},{-0.87 * SPEED * ARRIVAL}]"
 
 
 def planned(*overrides):
@@ -37,16 +37,16 @@ def test_rates_are_those_of_a_straight_flyby():
     assert acceleration.max() == pytest.approx(3 * np.sqrt(3) / 8 * (SPEED / DISTANCE) ** 2, rel=1e-6)
 
 
-def test_the_encounter_is_the_state_at_the_visit():
+def test_the_encounter_is_the_state_at_the_arrival():
     plan = planned()
-    met = visit_geometry(plan.deployment, plan.environment, plan.n_observers, 2e6)
+    met = arrival_geometry(plan.deployment, plan.environment, plan.n_observers, 2e6)
     speed = np.linalg.norm(met.v_N[0])
-    assert met.t.tolist() == [VISIT] and np.allclose(met.r_N, plan.deployment.destination_N)
+    assert met.t.tolist() == [ARRIVAL] and np.allclose(met.r_N, plan.deployment.destination_N)
     b = np.linalg.norm(np.cross(met.r_N[0], met.v_N[0])) / speed
     assert met.peak_rate[0] == pytest.approx(speed / b, rel=1e-3)
     assert met.peak_acceleration[0] == pytest.approx(3 * np.sqrt(3) / 8 * (speed / b) ** 2, rel=1e-3)
     # Where the imaging radius leaves out the peak of the acceleration, it does not count.
-    near = visit_geometry(plan.deployment, plan.environment, plan.n_observers, 1.05 * DISTANCE)
+    near = arrival_geometry(plan.deployment, plan.environment, plan.n_observers, 1.05 * DISTANCE)
     assert near.peak_acceleration[0] < 0.9 * met.peak_acceleration[0]
 
 
@@ -58,12 +58,12 @@ def test_a_flyby_that_works_has_no_findings():
     ("overrides", "words"),
     [
         (["design.imaging_altitude_m=16000"], "max_speed_rpm = 6000: .* line of sight has an angular rate of 0.349"),
-        ([WEAK, OBLIQUE], r"max_torque_n_m = 0.0001: at the visit .* acceleration of 0.00289.*imaging_altitude_m"),
+        ([WEAK, OBLIQUE], r"max_torque_n_m = 0.0001: at the arrival .* acceleration of 0.00289.*imaging_altitude_m"),
         (["behavior.imaging_radius_m=90000"], r"imaging_radius_m = 90000: no observer is inside it at any time"),
-        (["behavior.imaging_radius_m=99000", "observation.criterion=visit"], "no observer is inside it at the visit"),
+        (["behavior.imaging_radius_m=99000", "observation.criterion=arrival"], "no observer is inside it at the arrival"),
         (
-            ["camera.exposure_s=2", "observation.criterion=visit", "observation.max_smear_px=1"],
-            r"max_smear_px = 1: every face smears more in every picture.*exposure_s = 2: must be at most",
+            ["camera.exposure_s=2", "observation.criterion=arrival", "observation.max_motion_blur_px=1"],
+            r"max_motion_blur_px = 1: every face blurs more in every picture.*exposure_s = 2: must be at most",
         ),
     ],
 )  # fmt: skip
@@ -80,13 +80,13 @@ def test_what_cannot_work_is_refused_by_name(overrides, words):
             "rate of 0.07.*about the worst axis across the camera's the wheels give 0.089.* rad/s .about the best 0.12.*"
             ", and the initial tumbling may take 0.036.*spacecraft.wheel.max_speed_rpm",
         ),
-        ([LITTLE], r"acceleration of 0.003\d* rad/s\^2 near the visit.*give 0.0016.* .about the best 0.002.*max_torque_n_m"),
+        ([LITTLE], r"acceleration of 0.003\d* rad/s\^2 near the arrival.*give 0.0016.* .about the best 0.002.*max_torque_n_m"),
         (["control.period_s=2", "observation.interval_s=10", "telemetry.interval_s=2", "control.parameters.layer=0.2"],
          "control.period_s = 2: the line of sight turns by 8"),
         (["observation.interval_s=50", "camera.half_angle_deg=0.05"], "pictures do not join; at most"),
         (["behavior.imaging_radius_m=105000"], "crossed 8.3 s before .* half a turn about the worst axis takes the wheels 2"),
         (["behavior.imaging_radius_m=101000"], "inside behavior.imaging_radius_m = 101000 for"),
-        (["observation.max_smear_px=0.12"], "of the faces in the pictures of the visit smear more, up to 0.14"),
+        (["observation.max_motion_blur_px=0.12"], "of the faces in pictures of the arrival blur more, up to 0.14"),
     ],
 )  # fmt: skip
 def test_what_may_fall_short_is_a_finding(overrides, words):
@@ -119,9 +119,9 @@ def test_a_period_that_is_told_keeps_the_limit_and_differs_from_the_one_that_bro
     """Just above the limit: speeds past the body at which the line of sight turns by 0.1 rad in a period, and a little more."""
     for more in (1.0001, 1.003, 1.04):
         speed = more * TURN_IN_A_PERIOD / period * DISTANCE
-        visit = period * round(VISIT / period)
-        start = f"mothership.position_A_m=[0,{DISTANCE},{-speed * visit}]"
-        times = [f"control.period_s={period}", f"telemetry.interval_s={period}", f"design.time_of_flight_s={visit}"]
+        arrival = period * round(ARRIVAL / period)
+        start = f"mothership.position_A_m=[0,{DISTANCE},{-speed * arrival}]"
+        times = [f"control.period_s={period}", f"telemetry.interval_s={period}", f"design.time_of_flight_s={arrival}"]
         easy = ["spacecraft.wheel.max_speed_rpm=60000", "control.parameters.layer=0.2", "observation.interval_s=10"]
         (said,) = [one for one in found(start, *times, *easy) if one.startswith("control.period_s")]
         turned, most, kept = map(
@@ -135,7 +135,7 @@ def test_limits_in_messages_are_cut_to_the_side_that_keeps_them():
     assert [at_least(x) for x in (0.4996, 0.3, 1.1, 12341.0, 99.95)] == ["0.5", "0.3", "1.1", "12400", "100"]
 
 
-def test_the_quickest_turn_is_bang_bang_or_bang_coast_bang():
+def test_the_minimum_time_turn_is_bang_bang_or_bang_coast_bang():
     worst, best = turning_limits(SpacecraftProperties())
     J = 0.0837333 - 2.387e-5
     assert worst.acceleration == pytest.approx(0.004 / J, rel=1e-5)

@@ -82,8 +82,8 @@ def test_the_formation_is_held_through_the_flyby_for_what_its_errors_need(disper
     plan, flown, free = dispersed
     times, deployment = flown["time"].values, plan.deployment
     error = flown["formation_error"].values
-    before, at_visit = error[times == 60.0][0], error[times == 600.0][0]
-    assert before.max() > 15.0 and at_visit.max() < 0.1
+    before, at_arrival = error[times == 60.0][0], error[times == 600.0][0]
+    assert before.max() > 15.0 and at_arrival.max() < 0.1
     adrift = np.linalg.norm(free["r_BN_N"].values[times == 600.0][0] - deployment.destination_N, axis=1)
     assert adrift.max() > 150.0
     w, z, most = 0.02, 1.0, 0.055 / plan.properties.mass

@@ -13,13 +13,13 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.mission.trajectories import PlannedBurn
-from swarm_mj.records.summary import visit_miss_m
+from swarm_mj.records.summary import arrival_miss_m
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 SLOW = "mothership.deployer={max_speed_m_s: 0.5, insertion_after_s: 40}"
 REFUSED = "mothership.deployer.beyond_max_speed=refused"
 SMALL = "spacecraft.thrusters={thrust_n: 0.5, propellant_kg: 0.01}"
-CORRECTED = "trajectory.corrections=[{before_visit_s: 60}]"
+CORRECTED = "trajectory.corrections=[{before_arrival_s: 60}]"
 STRONG = "spacecraft.thrusters={thrust_n: 0.5, propellant_kg: 1.0, min_impulse_bit_n_s: 0}"
 
 
@@ -66,9 +66,9 @@ def test_an_independent_integration_of_the_burn_leads_to_the_point(slow):
         assert found.y[6, -1] == pytest.approx(8.0 * np.exp(-speed / exhaust), rel=1e-3)
 
 
-def test_the_flown_visit_is_within_metres_of_the_point(slow):
+def test_the_flown_arrival_is_within_metres_of_the_point(slow):
     telemetry = simulate(slow)
-    assert visit_miss_m(slow, telemetry).max() < 5.0
+    assert arrival_miss_m(slow, telemetry).max() < 5.0
     # Without the burns it would be missed by far.
     idle = replace(slow, deployment=replace(slow.deployment, burns=()))
     times = np.array([0.0, 600.0])
@@ -91,7 +91,7 @@ def test_what_the_thrusters_cannot_give_is_refused_where_that_is_asked_for():
     ):
         plan_of(SLOW, SMALL, REFUSED)
     weak = "spacecraft.thrusters={thrust_n: 0.001, propellant_kg: 1.0, min_impulse_bit_n_s: 0}"
-    with pytest.raises(PathError, match=r"takes .* s at 0\.001 N and does not end before the visit at t = 600 s"):
+    with pytest.raises(PathError, match=r"takes .* s at 0\.001 N and does not end before the arrival at t = 600 s"):
         plan_of(SLOW, weak, REFUSED)
     with pytest.raises(PathError, match=r"mothership\.deployer\.max_speed_m_s = 0\.5 is the most"):
         plan_of(SLOW, REFUSED)

@@ -123,15 +123,15 @@ def test_the_whole_is_the_union_of_the_targets_and_each_is_counted(plan, telemet
     ]
     assert found["coverage_percent_by_target"] == pytest.approx(100 * np.array(share), abs=1e-5)
     assert found["itinerary"]["sc3"]["arrival_s"] == 370.0
-    assert max(found["visit_miss_mm"].values()) < 50.0
+    assert max(found["arrival_miss_mm"].values()) < 50.0
 
 
-def test_pictures_of_the_visit_are_each_ones_own(plan, telemetry):
-    schedule = schedule_from(scenario(observation={"criterion": "visit"}), 10.0)
-    assert schedule.visits == (25, 24, 37)
+def test_pictures_of_the_arrival_are_each_ones_own(plan, telemetry):
+    schedule = schedule_from(scenario(observation={"criterion": "arrival"}), 10.0)
+    assert schedule.arrivals == (25, 24, 37)
     assert schedule.takers(24, 4).tolist() == [False, True, False, False]
     assert schedule.ticks(40).tolist() == [24, 25, 37]
-    # Every 10 s, by three observers from their releases on while they look at the body, and no more at the visits.
+    # Every 10 s, by three observers from their releases on while they look at the body, and no more at the arrivals.
     body = telemetry["mode"].values[:, :3] == 0
     assert picture_count(plan, telemetry) == int((body & (telemetry["released"].values[:, :3] == 1)).sum())
 
@@ -190,11 +190,11 @@ def test_entries_that_do_not_fit_are_refused_by_name(design, words):
 
 def test_the_communications_spacecraft_goes_with_observers_none_of_which_flies_at_the_common_times():
     late = {"release_s": 40, "time_of_flight_s": 200}
-    visits = [{"visiting_point": 3, **late}, {"visiting_point": 5, **late}, {"visiting_point": 2, "release_s": 10}]
-    deployment = make_plan(scenario(design={"observers": visits}, designer={"extra_targets": []})).deployment
+    arrivals = [{"visiting_point": 3, **late}, {"visiting_point": 5, **late}, {"visiting_point": 2, "release_s": 10}]
+    deployment = make_plan(scenario(design={"observers": arrivals}, designer={"extra_targets": []})).deployment
     assert (deployment.release_s[-1], deployment.arrival_s[-1]) == (40.0, 240.0)
-    visits[2] = {"visiting_point": 2}
-    deployment = make_plan(scenario(design={"observers": visits}, designer={"extra_targets": []})).deployment
+    arrivals[2] = {"visiting_point": 2}
+    deployment = make_plan(scenario(design={"observers": arrivals}, designer={"extra_targets": []})).deployment
     assert (deployment.release_s[-1], deployment.arrival_s[-1]) == (0.0, 250.0)
 
 

@@ -38,7 +38,7 @@ def test_a_target_in_the_night_is_not_observed_and_the_run_says_so(tmp_path):
 
 
 def test_a_design_of_a_dark_target_is_refused_because_of_light_and_told_when_it_is_lit():
-    cheap = {"observation.criterion": "visit", "designer.max_generations": 1, "observation.observer": "raycast"}
+    cheap = {"observation.criterion": "arrival", "designer.max_generations": 1, "observation.observer": "raycast"}
     with pytest.raises(MissionError, match=r"\(100 % dark\)") as refused:
         sm.design("eros-quick", {**NIGHT, **cheap})
     start, end = re.search(r"epoch from (\S+) to (\S+)", str(refused.value)).groups()
@@ -47,7 +47,7 @@ def test_a_design_of_a_dark_target_is_refused_because_of_light_and_told_when_it_
         sun_A = plan.environment.C_AN(600.0) @ plan.environment.sun.at(600.0)
         share = plan.region.area[incidence(plan.region, sun_A) <= np.radians(85.0)].sum() / plan.region.total_area
         assert (share > 0.9) == lit
-    # The same light comes to who waits for it aboard, whose visit is as long after the named release.
+    # The same light comes to who waits for it aboard, whose arrival is as long after the named release.
     plan = make_plan(load_scenario("eros-quick", NIGHT))
     for release in map(float, re.search(r"release from (\S+) to (\S+) s past", str(refused.value)).groups()):
         sun_A = plan.environment.C_AN(release + 600.0) @ plan.environment.sun.at(release + 600.0)
@@ -99,7 +99,7 @@ def test_all_pictures_are_sent_where_all_are_asked_for(bennu):
         ({"observation.max_emission_deg": 1.0}, Cause.OBLIQUE),
         ({"observation.max_gsd_m": 0.01}, Cause.COARSE),
         ({"observation.min_pixels": 1e7}, Cause.COARSE),
-        ({"observation.max_smear_px": 1e-9, "camera.exposure_s": 0.1}, Cause.SMEARED),
+        ({"observation.max_motion_blur_px": 1e-9, "camera.exposure_s": 0.1}, Cause.BLURRED),
         ({"observation.max_incidence_deg": 0.1}, Cause.DARK),
         ({"camera.half_angle_deg": 0.01}, Cause.OUT_OF_VIEW),
     ],

@@ -1,4 +1,4 @@
-"""Quickest slews in flight: the time of the closed form, within the wheels' limits, sooner than by the law's gains."""
+"""Minimum-time slews in flight: the time of the closed form, within the wheels' limits, sooner than by the law's gains."""
 
 from functools import cache
 

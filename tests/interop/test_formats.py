@@ -8,11 +8,11 @@ import pandas as pd
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
 
-def test_the_scene_shows_body_and_spacecraft_as_at_the_visit(exported, states):
+def test_the_scene_shows_body_and_spacecraft_as_at_the_arrival(exported, states):
     import trimesh
 
     scene = trimesh.load(exported / "gltf" / "scene.glb")
-    k = states.visit
+    k = states.arrival
     up, _ = scene.graph["N"]
     assert np.abs(up[:3, :3] @ [0, 0, 1] - [0, 1, 0]).max() == 0  # z of N is up, which is y in glTF
     for j, name in enumerate(states.names):

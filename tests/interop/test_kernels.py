@@ -106,7 +106,7 @@ def test_the_point_below_a_spacecraft_is_ours(spice, states):
 
 def test_where_the_boresight_meets_the_surface_is_the_same_by_dsk_and_by_hand(spice, states):
     """The whole chain at once: path, attitude, field of view, rotation and shape."""
-    k = states.visit
+    k = states.arrival
     point, *_ = spice.sincpt(
         "DSK/UNPRIORITIZED", "EROS", states.et[k], FIXED, "NONE", "SWARM_SC1", "SWARM_SC1_BODY", [0, 0, 1]
     )

@@ -34,11 +34,16 @@ def test_a_run_that_is_exported_and_observed_again_has_the_same_cells_at_the_sam
     assert seen.result.images == flown.result.images and seen.notes == []
 
 
-def test_so_has_one_whose_visit_alone_counts_and_whose_relay_takes_no_pictures(tmp_path):
+def test_so_has_one_whose_arrival_alone_counts_and_whose_relay_takes_no_pictures(tmp_path):
     scenario = sm.load(
         "eros-quick",
         parse_overrides(
-            [*CHEAP, "observation.criterion=visit", "behavior.name=dedicated_communications", "camera.half_angle_deg=6"]
+            [
+                *CHEAP,
+                "observation.criterion=arrival",
+                "behavior.name=dedicated_communications",
+                "camera.half_angle_deg=6",
+            ]
         ),
     )
     flown = sm.fly(scenario)
@@ -101,12 +106,12 @@ def test_what_lies_outside_a_files_time_is_no_picture_and_is_said(messages, flow
     path.write_text(f"{head}META_STOP\n\n" + "\n".join(rows) + "\n")
     aem = files(messages, "aem", ["sc1"])
     seen = sm.observe(path, aem, scenario=flown.scenario)
-    assert seen.result.images == 6  # at 0, 60, ... 300 s; the visit is at 600 s
+    assert seen.result.images == 6  # at 0, 60, ... 300 s; the arrival is at 600 s
     assert seen.notes == ["SC1: nothing is known of 0:15:00 of the flight, in which it takes no pictures"]
     with pytest.raises(
-        InteropError, match="criterion = visit: at the visit, 2018-01-01T03:25:00.000 TDB, none of .*half.oem"
+        InteropError, match="criterion = arrival: at the arrival, 2018-01-01T03:25:00.000 TDB, none of .*half.oem"
     ):
-        sm.observe(path, aem, scenario=flown.scenario, overrides={"observation.criterion": "visit"})
+        sm.observe(path, aem, scenario=flown.scenario, overrides={"observation.criterion": "arrival"})
     with pytest.raises(
         InteropError, match="half.oem: covers 2018-01-01T03:15.* and nothing of the flight, 2019-.*; set epoch"
     ):

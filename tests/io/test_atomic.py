@@ -151,7 +151,7 @@ def test_a_result_is_replaced_only_by_one_of_its_kind_and_scenario(tmp_path, the
     assert leftovers(tmp_path) == []
 
 
-EXTRAS = ("overview.mp4", "split.gif", "comparison.html", "visit.png", "notes.json", "mine.pdf")
+EXTRAS = ("overview.mp4", "split.gif", "comparison.html", "arrival.png", "notes.json", "mine.pdf")
 
 
 @pytest.mark.parametrize("linked", [True, False], ids=["by a second name", "where files have one name only"])
@@ -164,11 +164,11 @@ def test_films_and_files_of_ones_own_outlast_the_result_that_they_lie_with(tmp_p
     assert kept == []
     for name in EXTRAS:
         (run / name).write_text(f"old {name}")
-    put(run, RESULTS[0], ("telemetry.nc", "visit.png"), kept)
-    names = sorted(set(EXTRAS) - {"visit.png"})
+    put(run, RESULTS[0], ("telemetry.nc", "arrival.png"), kept)
+    names = sorted(set(EXTRAS) - {"arrival.png"})
     assert kept == [f"kept in {run}, but of the earlier run, not this one: {', '.join(names)}"]
     assert {p.name for p in run.iterdir()} == {MARKER, "telemetry.nc", *EXTRAS}
-    assert {p.name for p in run.iterdir() if p.read_text() == "new"} == {"telemetry.nc", "visit.png"}
+    assert {p.name for p in run.iterdir() if p.read_text() == "new"} == {"telemetry.nc", "arrival.png"}
     assert all((run / name).read_text() == f"old {name}" for name in names)
     assert leftovers(tmp_path) == []
 

@@ -11,6 +11,7 @@ from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.corrections import plan_legs
 from swarm_mj.mission.covariance import (
     FlightErrors,
+    arrival_axes,
     burn_covariance,
     burnt,
     length_mean,
@@ -18,7 +19,6 @@ from swarm_mj.mission.covariance import (
     length_within,
     sample_chance,
     spread,
-    visit_axes,
 )
 from swarm_mj.mission.dispersed import draw_linear, fly_dispersed
 from swarm_mj.mission.trajectories import propagate
@@ -48,9 +48,9 @@ def test_without_forces_one_correction_leaves_what_the_closed_form_says():
     # Before: 3 m and 0.1 m/s for 100 s; the burn takes (r + left v) / left of it and of the errors of navigation.
     wished = (3.0**2 + 400.0**2 * 0.1**2 + p**2 + left**2 * v**2) / left**2
     missed = p**2 + left**2 * (v**2 + (0.04**2 + 2 * 0.03**2) * wished)
-    assert found.at_visit[0, :, :3, :3] == pytest.approx(np.tile((9.0 + 1600.0) * np.eye(3), (2, 1, 1)), rel=1e-9)
+    assert found.at_arrival[0, :, :3, :3] == pytest.approx(np.tile((9.0 + 1600.0) * np.eye(3), (2, 1, 1)), rel=1e-9)
     assert found.delta_v[0] == pytest.approx(np.tile(wished * np.eye(3), (2, 1, 1)), rel=1e-9)
-    assert found.at_visit[1, :, :3, :3] == pytest.approx(np.tile(missed * np.eye(3), (2, 1, 1)), rel=1e-9)
+    assert found.at_arrival[1, :, :3, :3] == pytest.approx(np.tile(missed * np.eye(3), (2, 1, 1)), rel=1e-9)
 
 
 def test_a_correction_that_knows_and_burns_exactly_hits_the_visiting_point():
@@ -89,20 +89,20 @@ def test_a_thousand_flights_under_all_forces_spread_as_the_covariance_says(name)
     )
     expected = spread(legs, errors)
     flown = fly_dispersed(acceleration, legs, errors, runs=1000, rng=np.random.default_rng(7))
-    chances = [sample_chance(flown.deviation[:, j, :3], expected.at_visit[-1, j, :3, :3]) for j in range(n)]
+    chances = [sample_chance(flown.deviation[:, j, :3], expected.at_arrival[-1, j, :3, :3]) for j in range(n)]
     chances += [
         sample_chance(flown.delta_v[:, j, k], expected.delta_v[k, j]) for j in range(n) for k in range(len(shares))
     ]
     # Jointly 99.9 %: with so many tests each may fail by chance with 0.001 over their number.
     assert min(chances) > 0.001 / len(chances)
-    wrong = 1.15 * expected.at_visit[-1, 0, :3, :3]  # 7 % in sigma
+    wrong = 1.15 * expected.at_arrival[-1, 0, :3, :3]  # 7 % in sigma
     assert sample_chance(flown.deviation[:, 0, :3], wrong) < 0.001
 
 
 def test_each_spacecraft_has_times_of_its_own():
     together, apart = drifting([0.0, 100.0, 400.0]), drifting([[0.0, 100.0, 400.0], [0.0, 50.0, 400.0]])
     errors = FlightErrors(release=released(2, 0.0, 0.1), velocity=0.01)
-    first, second = spread(together, errors).at_visit[1, :, 0, 0], spread(apart, errors).at_visit[1, :, 0, 0]
+    first, second = spread(together, errors).at_arrival[1, :, 0, 0], spread(apart, errors).at_arrival[1, :, 0, 0]
     assert first[0] == pytest.approx(second[0])
     assert second[1] == pytest.approx((350.0 * 0.01) ** 2)
 
@@ -116,7 +116,7 @@ def test_burns_err_as_their_covariance_says():
     assert along.std() == pytest.approx(0.05 * np.linalg.norm(wished[0]), rel=0.01)
 
 
-def test_a_correction_half_a_revolution_before_the_visit_is_refused():
+def test_a_correction_half_a_revolution_before_the_arrival_is_refused():
     gm, radius = 4.46e5, 30_000.0
     half = np.pi * np.sqrt(radius**3 / gm)
     legs = plan_legs(
@@ -125,7 +125,7 @@ def test_a_correction_half_a_revolution_before_the_visit_is_refused():
         np.array([[0, np.sqrt(gm / radius), 0]]),
         np.array([[0.0, 100.0, 100.0 + half]]),
     )
-    with pytest.raises(MissionError, match=r"sc1: correction 1, .* s before the visit.*trajectory.corrections"):
+    with pytest.raises(MissionError, match=r"sc1: correction 1, .* s before the arrival.*trajectory.corrections"):
         spread(legs, FlightErrors(release=np.zeros((1, 6, 6))))
 
 
@@ -140,13 +140,13 @@ def test_legs_chain_in_the_order_in_which_they_are_flown():
     legs, whole = plan_legs(pulled, *start, times[None]), transitions(pulled, *start, times)
     for k in range(3):
         expected = (whole.phi[3] @ np.linalg.inv(whole.phi[k]))[0]
-        assert np.abs(legs.to_visit[0, k, :3, :3] - expected[:3, :3]).max() < 1e-7
-        assert np.abs(legs.to_visit[0, k, :3, 3:] - expected[:3, 3:]).max() < 1e-3
+        assert np.abs(legs.to_arrival[0, k, :3, :3] - expected[:3, :3]).max() < 1e-7
+        assert np.abs(legs.to_arrival[0, k, :3, 3:] - expected[:3, 3:]).max() < 1e-3
 
 
-def test_axes_of_the_visit_are_a_rotation_with_the_third_along_the_flight():
+def test_axes_of_the_arrival_are_a_rotation_with_the_third_along_the_flight():
     r, v = np.array([[3.0, 4.0, 1.0], [5.0, 0, 0]]), np.array([[0.5, -1.0, 2.0], [2.0, 0, 0]])
-    axes = visit_axes(r, v)
+    axes = arrival_axes(r, v)
     assert axes @ axes.swapaxes(1, 2) == pytest.approx(np.tile(np.eye(3), (2, 1, 1)))
     assert np.linalg.det(axes) == pytest.approx(1.0)
     assert np.einsum("jab,jb->ja", axes, v)[:, :2] == pytest.approx(np.zeros((2, 2)))
@@ -159,7 +159,7 @@ def test_linear_flights_have_the_mean_and_quantile_of_the_quadrature_while_all_i
     errors = FlightErrors(release=released(2, 3.0, 0.1), position=1.0, velocity=0.02)
     found = spread(legs, errors)
     position, delta_v = draw_linear(legs, errors, 0, draws=40_000, rng=np.random.default_rng(1))
-    covariances = (*found.delta_v[:, 0], *found.at_visit[:, 0, :3, :3])
+    covariances = (*found.delta_v[:, 0], *found.at_arrival[:, 0, :3, :3])
     for drawn, covariance in zip((*delta_v, *position), covariances, strict=True):
         size = np.linalg.norm(drawn, axis=1)
         assert size.mean() == pytest.approx(length_mean(covariance), rel=0.01)

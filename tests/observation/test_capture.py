@@ -25,22 +25,22 @@ from swarm_mj.observation.observer import make_observer
 
 from .scenes import eros_target, ground_with_plate, on_ground, plain
 
-SCHEDULE = {"interval_s": 35.0, "visits_s": 600.0}
+SCHEDULE = {"interval_s": 35.0, "arrivals_s": 600.0}
 
 
 @pytest.mark.parametrize("period", [0.5, 1.0, 5.0])
-def test_pictures_are_due_at_even_times_and_at_the_visit_whatever_the_clock(period):
+def test_pictures_are_due_at_even_times_and_at_the_arrival_whatever_the_clock(period):
     schedule = PictureSchedule.by_clock(period, **SCHEDULE)
     times = period * schedule.ticks(round(1200 / period))
     assert sorted({*np.arange(0.0, 1201.0, 35.0), 600.0}) == times.tolist()
-    only = PictureSchedule.by_clock(period, **SCHEDULE, visit_only=True)
+    only = PictureSchedule.by_clock(period, **SCHEDULE, arrival_only=True)
     assert (period * only.ticks(round(1200 / period))).tolist() == [600.0]
     assert all(schedule.due(int(tick)) for tick in schedule.ticks(300))
 
 
-def test_fewer_spacecraft_than_observers_keep_their_own_visits():
+def test_fewer_spacecraft_than_observers_keep_their_own_arrivals():
     """Files of a flight need not be those of all observers of the scenario that judges them."""
-    schedule = PictureSchedule(every=7, visits=(3, 5, 5))
+    schedule = PictureSchedule(every=7, arrivals=(3, 5, 5))
     assert [schedule.takers(tick, 1).tolist() for tick in (3, 5, 7)] == [[True], [False], [True]]
     assert schedule.takers(5, 2).tolist() == [False, True]
 

@@ -176,7 +176,7 @@ def test_pictures_added_in_any_order_leave_the_first_time_of_each_cell():
 
 
 def kept_by(rule, *pictures):
-    """Kept pictures of one spacecraft with two cells: time, ground sampling distances; the visit is at 50 s."""
+    """Kept pictures of one spacecraft with two cells: time, ground sampling distances; the arrival is at 50 s."""
     kept = KeptPictures(2, 1, rule)
     for t, *gsd_m in pictures:
         cells = np.flatnonzero(np.isfinite(gsd_m))
@@ -184,7 +184,7 @@ def kept_by(rule, *pictures):
     return kept
 
 
-def test_a_cell_is_kept_by_its_finest_picture_and_of_equals_by_the_one_nearest_to_the_visit():
+def test_a_cell_is_kept_by_its_finest_picture_and_of_equals_by_the_one_nearest_to_the_arrival():
     pictures = (10.0, 9.0, np.nan), (40.0, 5.0, 5.2), (60.0, 5.05, 7.0), (90.0, 5.01, 5.21)
     best, first, every = (kept_by(rule, *pictures) for rule in ("best", "first", "all"))
     assert best.taken_s.tolist() == [[40.0, 40.0]] and best.gsd_m.tolist() == [[5.0, 5.2]]

@@ -23,10 +23,10 @@ def flown(folder, radius_m, start_radii, speed_m_s, samples=10):
     """One observer past a ball from so many radii away, sampled so often on the way; it ends as far out on the other side."""
     directions, faces = geodesic_icosahedron(6)
     save_shape(ShapeModel(radius_m * directions, faces), folder / "ball.obj")
-    to_visit = 10.0 * round(start_radii * radius_m / speed_m_s / 10.0)
+    to_arrival = 10.0 * round(start_radii * radius_m / speed_m_s / 10.0)
     scenario = {
         "name": "ball",
-        "duration_s": 2 * to_visit,
+        "duration_s": 2 * to_arrival,
         "body": {
             "name": "Ball", "shape": str(folder / "ball.obj"), "radius_range_m": [0.5 * radius_m, 2.0 * radius_m],
             "gravity": {"model": "point_mass", "parameters": {"gm": 1e-7 * radius_m**3}},
@@ -34,12 +34,12 @@ def flown(folder, radius_m, start_radii, speed_m_s, samples=10):
         },
         "target": {"latitude_deg": 0.0, "longitude_deg": 90.0, "half_angle_deg": 20.0},
         "mothership": {"position_A_m": [0.0, 0.0, -start_radii * radius_m]},
-        "design": {"visiting_points": [2], "imaging_altitude_m": 3.0 * radius_m, "time_of_flight_s": to_visit},
+        "design": {"visiting_points": [2], "imaging_altitude_m": 3.0 * radius_m, "time_of_flight_s": to_arrival},
         "behavior": {"name": "adaptable_roles", "imaging_radius_m": 6.0 * radius_m},
         "camera": {"half_angle_deg": 10.0, "resolution_px": 64},
         "physics": {"timestep_s": 0.5},
-        "telemetry": {"interval_s": to_visit / samples},
-        "observation": {"interval_s": to_visit / 10.0},
+        "telemetry": {"interval_s": to_arrival / samples},
+        "observation": {"interval_s": to_arrival / 10.0},
     }  # fmt: skip
     return sm.fly(sm.load(scenario))
 
@@ -82,12 +82,12 @@ def far(far_flight):
 
 
 def test_a_film_of_a_long_flight_shows_the_encounter_and_names_the_speck(far, tmp_path, monkeypatch):
-    replay, radius_m, visit_s = far, 250.0, 2000.0
+    replay, radius_m, arrival_s = far, 250.0, 2000.0
     begin, end = replay.encounter()
-    # Within ten radii, at the visit four, on a nearly straight path.
-    speed = np.linalg.norm(replay.at(visit_s + 1.0).r_BN_N - replay.at(visit_s - 1.0).r_BN_N) / 2.0
+    # Within ten radii, at the arrival four, on a nearly straight path.
+    speed = np.linalg.norm(replay.at(arrival_s + 1.0).r_BN_N - replay.at(arrival_s - 1.0).r_BN_N) / 2.0
     half = np.sqrt(10.0**2 - 4.0**2) * radius_m / speed
-    assert begin == pytest.approx(visit_s - half, abs=10.0) and end == pytest.approx(visit_s + half, abs=10.0)
+    assert begin == pytest.approx(arrival_s - half, abs=10.0) and end == pytest.approx(arrival_s + half, abs=10.0)
 
     whole = make_film(replay, tmp_path / "whole.mp4", size=(160, 120), fps=1.0, span_s=(None, None))
     facts = make_film(replay, tmp_path / "near.mp4", size=(160, 120), fps=1.0)
@@ -100,9 +100,9 @@ def test_a_film_of_a_long_flight_shows_the_encounter_and_names_the_speck(far, tm
     ]
     assert distances[1] < 0.1 * distances[0]
     with Drawing(replay.plan, replay.path_N, width=480, height=480) as drawing:
-        named = drawing.draw(replay.at(visit_s))
+        named = drawing.draw(replay.at(arrival_s))
         monkeypatch.setattr(picture, "SPECK", 0.0)
-        assert not np.array_equal(named, drawing.draw(replay.at(visit_s)))
+        assert not np.array_equal(named, drawing.draw(replay.at(arrival_s)))
 
 
 def is_ground(picture):
@@ -116,7 +116,7 @@ def test_a_body_that_is_a_speck_is_shown_enlarged_and_spacecraft_stay_small(far,
     side = 480
     with Drawing(far.plan, far.path_N, camera=camera, width=side, height=side) as drawing:
         pictures = [drawing.draw(far.at(t)) for t in (0.0, 1500.0, 2000.0, 4000.0)]
-    # A disc of two thirds of a corner that is a third of the picture, or at the visit the body itself.
+    # A disc of two thirds of a corner that is a third of the picture, or at the arrival the body itself.
     assert all(is_ground(shown).sum() > 0.6 * np.pi / 4 * (0.65 * 0.34 * side) ** 2 for shown in pictures)
     assert all((shown.max(axis=-1) > 8).mean() < 0.6 for shown in pictures), "spacecraft hide the picture"
 

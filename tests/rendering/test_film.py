@@ -92,7 +92,7 @@ def test_what_cannot_be_filmed_is_a_clear_error(run_folder, tmp_path, capsys):
 
 @pytest.mark.gl
 @pytest.mark.usefixtures("gl")
-def test_stills_show_the_visit_and_the_end_beside_each_other(run_folder, replay):
+def test_stills_show_the_arrival_and_the_end_beside_each_other(run_folder, replay):
     path = make_film(replay, run_folder / "stills.png", size=(320, 240)).path
     with Image.open(path) as image:
         strip = np.asarray(image)

@@ -28,7 +28,7 @@ def folder(tmp_path_factory):
 def other_folder(tmp_path_factory):
     """The same flight with another camera and control law."""
     out = tmp_path_factory.mktemp("report") / "other"
-    changes = ["camera.half_angle_deg=6", "control.controller=mrp_feedback", "observation.criterion=visit"]
+    changes = ["camera.half_angle_deg=6", "control.controller=mrp_feedback", "observation.criterion=arrival"]
     fly(load_scenario("eros-quick", parse_overrides(changes)), out=out, figures=False, report=False)
     return out
 

@@ -200,7 +200,9 @@ def test_two_runs_share_one_slider(browser, comparison):
     scrub(browser, 1.0)
     shares = [float(part.split()[0]) for part in text(browser, "share").split("|")]
     assert first != text(browser, "share")
-    assert len(shares) == 2 and shares[0] > shares[1]  # the narrower camera of the second sees less at the visit alone
+    assert (
+        len(shares) == 2 and shares[0] > shares[1]
+    )  # the narrower camera of the second sees less at the arrival alone
     hidden = "return [...document.querySelectorAll('#parameters tr.same')].every((row) => row.offsetParent === null)"
     assert browser.execute_script(hidden)
     box = browser.find_element(By.ID, "only-differences")

@@ -222,11 +222,11 @@ def test_a_comparison_marks_exactly_the_parameters_that_differ(comparison, folde
 
 def test_the_choice_of_pictures_that_count_says_so_where_two_runs_count_differently(comparison, folder, other_folder):
     runs = [read_run(place) for place in (folder, other_folder)]
-    assert [run.scenario.observation.criterion for run in runs] == ["passage", "visit"]
+    assert [run.scenario.observation.criterion for run in runs] == ["passage", "arrival"]
     assert ">as each run counts</option>" in comparison.read_text("utf-8")
     both = report_html([runs[1], runs[1]])
-    assert ">at the visit</option>" in both and "as each run counts" not in both
-    assert ">at the visit</option>" not in report_html([runs[0]])
+    assert ">at the arrival</option>" in both and "as each run counts" not in both
+    assert ">at the arrival</option>" not in report_html([runs[0]])
 
 
 def test_a_run_beside_itself_differs_in_nothing(folder):

@@ -117,7 +117,7 @@ def test_sun_and_earth_stand_where_the_telemetry_says(run, replay):
     assert np.allclose(spin, run.telemetry.attrs["spin_rate_rad_s"] * distance_to_pole, rtol=1e-2)
 
 
-def test_thinning_keeps_the_visit_the_end_and_every_peak(run):
+def test_thinning_keeps_the_arrival_the_end_and_every_peak(run):
     thin = make_replay(run, Limits(samples=25))
     assert len(thin.times) < 30
     assert run.scenario.design.time_of_flight_s in thin.times

@@ -50,7 +50,7 @@ def test_the_packaged_configurations_name_their_design_and_say_which_reading_the
         assert s.design.reference == "eros-visit"
         assert list(s.design.visiting_points) == design_section("eros-visit")["visiting_points"]
         assert len(s.design.visiting_points) == 5
-        assert "instant of the visit" in s.description
+        assert "instant of the arrival" in s.description
 
 
 def test_points_that_are_given_go_before_a_reference_and_a_broken_reference_is_a_clear_error(tmp_path):

@@ -61,7 +61,7 @@ def fly(plan, periods=0, **parts):
         period=keys.pop("control_period", made.period),
         gravity_gradient=scenario.perturbations.gravity_gradient_torque,
         fault_model=keys.pop("fault_model", fault_model_from(scenario)),
-        quickest_slews=scenario.control.slew == "time_optimal",
+        minimum_time_slews=scenario.control.slew == "time_optimal",
     )
     simulation = Simulation(setup, force_law=made.force_law, **keys)
     simulation.reset(initial_state(plan))

@@ -21,7 +21,7 @@ CASES = {
     "late releases": ("eros-quick", [FINE, LATE]),
     "four wheels": ("eros-quick", [FINE, "spacecraft.wheel_layout=pyramid"]),
     "polyhedron": ("eros-quick", [FINE]),
-    "quickest slews": ("eros-quick", [FINE, "control.slew=time_optimal"]),
+    "minimum-time slews": ("eros-quick", [FINE, "control.slew=time_optimal"]),
 }
 
 

@@ -141,7 +141,7 @@ def test_default_epoch_shows_the_target_in_sunlight_and_the_earth_unhidden():
     target = (y > 0.0) & (np.abs(x) <= side * y) & (np.abs(z) <= side * y)
     surface = (shape.face_centroids[target] + 5.0 * shape.face_normals[target]) / 1e3
     start_N = EROS.C_AN(JD).T @ [0.0, 0.0, -30e3]
-    visit_N = EROS.C_AN(JD, 600.0).T @ [0.0, 22e3, 0.0]
+    arrival_N = EROS.C_AN(JD, 600.0).T @ [0.0, 22e3, 0.0]
     for t in (0.0, 300.0, 600.0, 900.0, 1030.0, 1200.0):
         C = EROS.C_AN(JD, t)
         sun, earth = (C @ unit(v) for v in (EROS.sun_state_N(JD)[0], EROS.earth_state_N(JD)[0]))
@@ -149,5 +149,5 @@ def test_default_epoch_shows_the_target_in_sunlight_and_the_earth_unhidden():
             assert np.degrees(np.arccos(sun[1])) < 45.0
             assert np.degrees(np.arccos(shape.face_normals[target] @ sun)).max() < 50.0
             assert not mesh.ray.intersects_any(surface, np.tile(sun, (len(surface), 1))).any()
-        r_A = C @ (start_N + (visit_N - start_N) * t / 600.0)
+        r_A = C @ (start_N + (arrival_N - start_N) * t / 600.0)
         assert not mesh.ray.intersects_any([r_A / 1e3], [earth]).any()

@@ -223,7 +223,7 @@ def _picture_times(scenario: Scenario) -> tuple[Array, Mask]:
     """Times of all pictures of the passage [s], and which of them count."""
     times = sample_times(scenario.duration_s, scenario.telemetry.interval_s)
     schedule = schedule_from(scenario, scenario.telemetry.interval_s)
-    ticks = replace(schedule, visit_only=False).ticks(len(times) - 1)
+    ticks = replace(schedule, arrival_only=False).ticks(len(times) - 1)
     return times[ticks], schedule.due(ticks)
 
 

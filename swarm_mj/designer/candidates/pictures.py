@@ -25,9 +25,9 @@ from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.capture import judge, lit_cells, visible_share
 from swarm_mj.observation.cause import Cause
+from swarm_mj.observation.motion_blur import CameraMotion, motion_blur_px
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
 from swarm_mj.observation.reach import cells_of, in_reach, reach_of
-from swarm_mj.observation.smear import CameraMotion, smear_px
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.typing import Array, Indices, Mask
 
@@ -182,7 +182,7 @@ class Watcher(NamedTuple):
 
     @property
     def pictures(self) -> Indices:
-        """The times of the pictures that count, by number."""
+        """The times of the qualifying images, by number."""
         return picture_numbers(self.flights, self.number, self._counts)
 
     @property
@@ -243,7 +243,7 @@ class Judge:
                         CameraPose(watcher.flights.r_A[k, watcher.number], watcher.flights.C_CA[k, watcher.number]),
                         partial(self._light, watcher.flights, int(k)),
                         partial(share.__getitem__, row),
-                        partial(self._smear, watcher, int(k)),
+                        partial(self._motion_blur, watcher, int(k)),
                     )
                     seen |= cause == Cause.NONE
                     np.maximum(self.why, cause, out=self.why)
@@ -265,11 +265,11 @@ class Judge:
             self._lit[key] = lit_cells(self._observer, self.criterion, sun_A)
         return self._lit[key]
 
-    def _smear(self, watcher: Watcher, k: int) -> Array:
-        """Smear of every cell in a picture of a candidate, which turns as it is commanded [px]."""
+    def _motion_blur(self, watcher: Watcher, k: int) -> Array:
+        """Motion blur of every cell in a picture of a candidate, which turns as it is commanded [px]."""
         flights, j = watcher.flights, watcher.number
         motion = CameraMotion(flights.v_A[k, j], flights.omega_C[k, j])
-        return smear_px(self.region, self._observer.camera, flights.r_A[k, j], flights.C_CA[k, j], motion)
+        return motion_blur_px(self.region, self._observer.camera, flights.r_A[k, j], flights.C_CA[k, j], motion)
 
     def close(self) -> None:
         """Release what the observer holds."""

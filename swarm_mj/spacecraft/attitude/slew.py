@@ -1,4 +1,4 @@
-"""The quickest turns about one axis: bang-bang, with a coast between where a rate limit is reached first.
+"""Minimum-time turns about one axis: bang-bang, with a coast between where a rate limit is reached first.
 
 From rest to rest over an angle theta with acceleration a and rate limit w: 2 sqrt(theta / a) where theta <= w^2 / a, else
 theta / w + w / a. What the wheels give is a torque and a momentum, so that a = torque / J and w = momentum / J.
@@ -57,7 +57,7 @@ def slew_time(angle: float, limits: Turning) -> float:
 
 
 def slew_profile(angle: float, limits: Turning, t: float) -> tuple[float, float, float]:
-    """The quickest turn at a time after its start: angle still to go [rad], its rate [rad/s] and acceleration [rad/s^2].
+    """The minimum-time turn at a time after its start: angle still to go [rad], its rate [rad/s] and acceleration [rad/s^2].
 
     Args:
         angle: Of the whole turn [rad].

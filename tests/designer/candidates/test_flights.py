@@ -20,7 +20,7 @@ def shortest_turn(q_from, direction):
 
 @pytest.fixture(scope="module", params=[(), (SWEEP,)], ids=["centre", "sweep"])
 def flights(request):
-    overrides = ["observation.criterion=visit", "target.cell_size_m=null", "telemetry.interval_s=20", *request.param]
+    overrides = ["observation.criterion=arrival", "target.cell_size_m=null", "telemetry.interval_s=20", *request.param]
     return fly_candidates(load_scenario("eros-quick", parse_overrides(overrides)))
 
 
@@ -63,6 +63,8 @@ def test_the_visiting_points_are_reached_at_the_time_of_flight_and_speeds_are_re
 
 
 def test_a_replaced_seed_changes_no_candidate():
-    scenario = load_scenario("eros-quick", {"observation.criterion": "visit", "dispersions.deployment_velocity_m_s": 1})
+    scenario = load_scenario(
+        "eros-quick", {"observation.criterion": "arrival", "dispersions.deployment_velocity_m_s": 1}
+    )
     first, second = (fly_candidates(scenario.model_copy(update={"seed": seed})) for seed in (1, 2))
     assert np.array_equal(first.r_A, second.r_A)

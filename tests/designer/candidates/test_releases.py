@@ -15,7 +15,7 @@ from swarm_mj.flight.observe import picture_count
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.scenarios.loading import load_scenario
 
-#: A ball that turns in 20 min below a mothership that is at rest above its pole; the target is dark at the first visit.
+#: A ball that turns in 20 min below a mothership that is at rest above its pole; the target is dark at the first arrival.
 DATA = {
     "name": "waiting",
     "duration_s": 1000,
@@ -34,7 +34,7 @@ DATA = {
     "mothership": {"position_A_m": [0, 0, -25e3], "velocity": "rest"},
     "behavior": {"name": "adaptable_roles"},
     "camera": {"half_angle_deg": 12, "resolution_px": 64},
-    "observation": {"observer": "horizon", "interval_s": 50, "criterion": "visit"},
+    "observation": {"observer": "horizon", "interval_s": 50, "criterion": "arrival"},
     "designer": {"max_generations": 2},
     "telemetry": {"interval_s": 10},
     "physics": {"stepper": "kernel"},

@@ -71,11 +71,11 @@ def test_those_that_reach_farthest_are_judged_first_and_waves_double():
 FAST = ["observation.observer=raycast", "target.cell_size_m=null", "camera.half_angle_deg=6"]
 #: Overrides, and the fewest spacecraft that are expected.
 CASES = {
-    "visit": (["observation.criterion=visit", "designer.altitudes_m=[12000, 16000]"], 2),
-    "two fold": (["observation.criterion=visit", "designer.altitudes_m=[12000, 16000]", "designer.fold=2"], 4),
+    "arrival": (["observation.criterion=arrival", "designer.altitudes_m=[12000, 16000]"], 2),
+    "two fold": (["observation.criterion=arrival", "designer.altitudes_m=[12000, 16000]", "designer.fold=2"], 4),
     "releases": (
         [
-            "observation.criterion=visit",
+            "observation.criterion=arrival",
             "designer.releases_s=[0, 60]",
             "mothership.velocity=[0, 0, 40]",
             "mothership.deployer.max_speed_m_s=20",

@@ -26,9 +26,9 @@ from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from tests.designer.judging import seen_cells
 
-#: Visits only, few cells, rays: quick enough for tests.
+#: Arrivals only, few cells, rays: quick enough for tests.
 FAST = [
-    "observation.criterion=visit",
+    "observation.criterion=arrival",
     "observation.observer=raycast",
     "target.cell_size_m=null",
     "camera.half_angle_deg=6",
@@ -165,14 +165,14 @@ def test_processes_give_the_same_as_one(flights, monkeypatch):
     assert sum(len(picture_numbers(flights, j, few)) for j in range(flights.n)) == sum(len(a) for a in one)
 
 
-def test_the_passage_sees_more_than_the_visit_and_limits_see_less():
-    visit = visibility(scenario()).sees
+def test_the_passage_sees_more_than_the_arrival_and_limits_see_less():
+    arrival = visibility(scenario()).sees
     passage = visibility(scenario("observation.criterion=passage")).sees
-    assert (passage | ~visit).all() and passage.sum() > visit.sum()
+    assert (passage | ~arrival).all() and passage.sum() > arrival.sum()
     for limit in ("max_emission_deg=30", "max_range_m=14000", "max_incidence_deg=30", "max_gsd_m=6"):
         limited = visibility(scenario(f"observation.{limit}")).sees
-        assert not (limited & ~visit).any()
-        assert limited.sum() < visit.sum(), limit
+        assert not (limited & ~arrival).any()
+        assert limited.sum() < arrival.sum(), limit
 
 
 @pytest.mark.parametrize(
@@ -234,7 +234,7 @@ def test_a_time_of_flight_that_does_not_fit_the_scenario_is_refused():
 
 
 @pytest.mark.parametrize(("half_angle_deg", "fewest"), [(21.5, 1), (7.5, 2), (7, 3), (6, 4), (5, 5), (4.1, 8)])
-def test_whole_faces_at_the_visit_need_as_many_as_the_corners_in_the_cone_say(flights, half_angle_deg, fewest):
+def test_whole_faces_at_the_arrival_need_as_many_as_the_corners_in_the_cone_say(flights, half_angle_deg, fewest):
     told = scenario(
         f"camera.half_angle_deg={half_angle_deg}", "observation.min_fraction=0.999", "observation.min_pixels=0"
     )

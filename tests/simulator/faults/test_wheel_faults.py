@@ -89,8 +89,8 @@ def test_a_flight_with_four_wheels_points_on_through_the_loss_of_one_and_one_wit
     lost = fault("{kind: wheel_lost, spacecraft: sc1, wheel: 2, at_s: 300, detection_s: 5}")
     plan, telemetry = fly(f"spacecraft.wheel_layout={layout}", lost)
     error = np.degrees(telemetry["pointing_error"].values)
-    visit = 120  # 600 s
-    assert error[visit, 0] < 0.01
+    arrival = 120  # 600 s
+    assert error[arrival, 0] < 0.01
     assert error[-1, 0] < 0.1
     assert telemetry["wheel_torque"].values[62:, 0, 1] == pytest.approx(0.0)
     assert "control about 3 axes" in events_of(telemetry, "detected")[0]["detail"]

@@ -1,4 +1,4 @@
-"""Smear of cells against the difference of two projections, against the closed form of a flyby, and as a limit of pictures."""
+"""Motion blur against the difference of two projections, against the closed form of a flyby, and as a limit of pictures."""
 
 import numpy as np
 import pytest
@@ -9,8 +9,8 @@ from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.capture import observe, pictures
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.horizon_kernels import make_scene
+from swarm_mj.observation.motion_blur import CameraMotion, Motion, motion_blur_px
 from swarm_mj.observation.observer import make_observer
-from swarm_mj.observation.smear import CameraMotion, Motion, smear_px
 from swarm_mj.scenarios.loading import scenario_from
 
 from .scenes import eros_target, plain
@@ -24,7 +24,7 @@ def turned(axis_rate, t):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_smear_is_the_difference_of_the_projections_at_both_ends_of_the_exposure(seed):
+def test_motion_blur_is_the_difference_of_the_projections_at_both_ends_of_the_exposure(seed):
     """The body spins, the spacecraft flies by and turns with a rate of its own; all motions are integrated here, in N."""
     rng, region = np.random.default_rng(seed), eros_target()
     spin_N, v_N = rng.normal(size=3) * 3e-3, rng.normal(size=3) * 700.0
@@ -42,7 +42,7 @@ def test_smear_is_the_difference_of_the_projections_at_both_ends_of_the_exposure
     moving = Motion(v_N[None], omega_B[None], spin_N)
     C_BN, C_AN = N_from_B.inv().as_matrix(), A_at_0.inv().as_matrix()
     (picture,) = pictures(0.0, np.array([True]), r_N[None], C_BN[None], C_AN, np.ones(3), moving)
-    found = smear_px(region, CAMERA, picture.r_A, picture.C_CA, picture.motion)
+    found = motion_blur_px(region, CAMERA, picture.r_A, picture.C_CA, picture.motion)
     assert expected.min() > 0.5
     assert np.allclose(found, expected, rtol=2e-5)
 
@@ -54,41 +54,41 @@ def test_a_camera_that_turns_with_a_point_smears_it_not_and_one_that_does_not_by
     pose = look_at(centroid + away * region.normal_A[i], centroid)
     right, ahead = pose.C_CA[0], pose.C_CA[2]
     v_A = 7000.0 * right
-    still = smear_px(region, CAMERA, pose.r_A, pose.C_CA, CameraMotion(v_A, np.zeros(3)))
+    still = motion_blur_px(region, CAMERA, pose.r_A, pose.C_CA, CameraMotion(v_A, np.zeros(3)))
     assert still[i] == pytest.approx(EXPOSURE * 7000.0 / away / CAMERA.pixel_angle, rel=1e-9)
     omega_A = np.cross(ahead, -v_A) / away  # of the line of sight to the point
-    tracking = smear_px(region, CAMERA, pose.r_A, pose.C_CA, CameraMotion(v_A, pose.C_CA @ omega_A))
+    tracking = motion_blur_px(region, CAMERA, pose.r_A, pose.C_CA, CameraMotion(v_A, pose.C_CA @ omega_A))
     assert tracking[i] < 1e-9 * still[i]
-    # A rate error about the line of sight smears by its lever arm, and the middle not at all.
-    rolling = smear_px(region, CAMERA, pose.r_A, pose.C_CA, CameraMotion(np.zeros(3), np.array([0.0, 0.0, 0.1])))
+    # A rate error about the line of sight blurs by its lever arm, and the middle not at all.
+    rolling = motion_blur_px(region, CAMERA, pose.r_A, pose.C_CA, CameraMotion(np.zeros(3), np.array([0.0, 0.0, 0.1])))
     p = pose.to_camera(region.centroid_A)
     arm_px = np.hypot(p[:, 0], p[:, 1]) / p[:, 2] / CAMERA.pixel_angle
     assert np.allclose(rolling, EXPOSURE * 0.1 * arm_px, rtol=1e-9, atol=1e-9) and arm_px.max() > 50
     # What is behind the camera is in no picture.
     back = look_at(pose.r_A, 2 * pose.r_A - centroid)
-    assert np.isinf(smear_px(region, CAMERA, back.r_A, back.C_CA, CameraMotion(v_A, np.zeros(3)))[i])
+    assert np.isinf(motion_blur_px(region, CAMERA, back.r_A, back.C_CA, CameraMotion(v_A, np.zeros(3)))[i])
 
 
-def test_cells_that_smear_more_than_the_limit_do_not_count():
+def test_cells_that_blur_more_than_the_limit_do_not_count():
     region = eros_target()
     pose = look_at(region.centroid_A.mean(axis=0) * 2.5, region.centroid_A.mean(axis=0))
     motion = CameraMotion(np.array([30.0, -200.0, 500.0]), np.array([0.002, 0.02, 0.05]))
-    smear = smear_px(region, CAMERA, pose.r_A, pose.C_CA, motion)
+    motion_blur = motion_blur_px(region, CAMERA, pose.r_A, pose.C_CA, motion)
     observer = make_observer(region, CAMERA, kind="raycast")
     whole = observe(observer, pose.r_A, pose.C_CA, plain())
-    limit = float(np.median(smear[whole]))
-    some = observe(observer, pose.r_A, pose.C_CA, plain(max_smear_px=limit), motion=motion)
-    assert np.array_equal(some, whole & (smear <= limit)) and 0 < some.sum() < whole.sum()
-    with pytest.raises(MissionError, match="limits smear: pass how the camera moves"):
-        observe(observer, pose.r_A, pose.C_CA, plain(max_smear_px=limit))
+    limit = float(np.median(motion_blur[whole]))
+    some = observe(observer, pose.r_A, pose.C_CA, plain(max_motion_blur_px=limit), motion=motion)
+    assert np.array_equal(some, whole & (motion_blur <= limit)) and 0 < some.sum() < whole.sum()
+    with pytest.raises(MissionError, match="limits motion blur: pass how the camera moves"):
+        observe(observer, pose.r_A, pose.C_CA, plain(max_motion_blur_px=limit))
 
 
-def test_what_cannot_limit_smear_says_so():
+def test_what_cannot_limit_motion_blur_says_so():
     observer = make_observer(eros_target(), CAMERA, kind="horizon")
     assert isinstance(observer, HorizonObserver)
-    with pytest.raises(MissionError, match="max_smear_px 2"):
-        make_scene(observer, plain(max_smear_px=2.0))
-    with pytest.raises(ScenarioError, match=r"observation.max_smear_px = 2.*camera.exposure_s"):
-        scenario_from({"name": "s", "observation": {"max_smear_px": 2}})
+    with pytest.raises(MissionError, match="max_motion_blur_px 2"):
+        make_scene(observer, plain(max_motion_blur_px=2.0))
+    with pytest.raises(ScenarioError, match=r"observation.max_motion_blur_px = 2.*camera.exposure_s"):
+        scenario_from({"name": "s", "observation": {"max_motion_blur_px": 2}})
     with pytest.raises(MissionError, match="exposure nan"):
         CameraModel(exposure_s=float("nan"))

@@ -1,4 +1,4 @@
-"""Smear: how far the image of each cell moves over the detector while a picture is exposed.
+"""Motion blur: how far the image of each cell moves over the detector while a picture is exposed.
 
 To first order in the exposure: the rate at which the image moves, at the middle of the exposure, times its length. A point at p
 in the camera frame moves in it with
@@ -59,8 +59,8 @@ class Motion(NamedTuple):
         return CameraMotion(v_A, self.omega_BN_B[j] - C_BN @ self.spin_N)
 
 
-def smear_px(region: TargetRegion, camera: CameraModel, r_A: Array, C_CA: Array, motion: CameraMotion) -> Array:
-    """Smear of every cell's centroid [px of the detector], shape (n,); infinite where it is not ahead of the camera.
+def motion_blur_px(region: TargetRegion, camera: CameraModel, r_A: Array, C_CA: Array, motion: CameraMotion) -> Array:
+    """Motion blur of every cell's centroid [px of the detector], shape (n,); infinite where it is not ahead of the camera.
 
     Args:
         region: The target.
