@@ -172,10 +172,10 @@ the body and of its horizons, link budget |
 
     Possible, A, are the lit cells that some spacecraft passes within reach as the swarm was released, if nothing fails (at
     least a fifth of the target), and D their data straight down from H. Failures are left out of them: otherwise what a
-    step brings would tell, by what it is divided by, who will fail. An episode in which much fails brings less, as a mission does. To see
-    all of what is possible brings 1, and to deliver it 1 where every cell was pictured straight down from H: pictures from
-    below H hold more, those from afar or aslant less. The leaderboard (docs/results/leaderboard.md) has a bound for each
-    test episode, which knows what fails and ignores turning and the footprint.
+    step brings would tell, by what it is divided by, who will fail. An episode in which much fails brings less, as a
+    mission does. To see all of what is possible brings 1, and to deliver it 1 where every cell was pictured straight down
+    from H: pictures from below H hold more, those from afar or aslant less. The leaderboard (docs/results/leaderboard.md)
+    has a bound for each test episode, which knows what fails and ignores turning and the footprint.
 
     A picture adds data for each cell that nobody saw before: area over the foreshortened square of the ground sampling
     distance, times the bits of a pixel. A spacecraft that tracks another sends it what is aboard, one that tracks Earth sends
