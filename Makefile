@@ -90,10 +90,11 @@ images: setup-dev ## redraw the pictures of flights and designs in README and on
 pixel-to-earth: setup ## rewrite docs/results/pixel_to_earth.md: what of the paper's mission reaches Earth
 	@$(BIN)/python -m scripts.pages.pixel_to_earth
 
-pages: images ## the same, and rewrite the measured pages that take minutes: validation, dependencies, corrections
+pages: images ## the same, and rewrite the measured pages that take minutes: validation, dependencies, corrections, scenarios
 	@$(BIN)/swarm-mj validate --markdown docs/results/validation.md
 	@$(BIN)/python -m scripts.pages.dependencies
 	@$(BIN)/python -m scripts.pages.corrections
+	@$(BIN)/python -m scripts.pages.scenarios
 
 convergence: setup ## rewrite docs/results/convergence.md: how answers depend on steps, picture and mesh
 	@$(BIN)/python -m scripts.pages.convergence
