@@ -108,6 +108,8 @@ def page(rows: Sequence[Row]) -> str:
                 "| what | median | quartiles | target | met |",
                 "|---|---|---|---|---|",
             ]
+            if group == "observers":
+                lines[-2:-2] = by_mesh(rows)
         met = "" if line.met is None else "yes" if line.met else "**no**"
         note = f" ({line.note})" if line.note else ""
         unit = "" if line.unit == "ratio" else f" {line.unit}"
@@ -116,6 +118,23 @@ def page(rows: Sequence[Row]) -> str:
             f"| {line.target} | {met} |"
         )
     return "\n".join(lines) + "\n"
+
+
+def by_mesh(rows: Sequence[Row]) -> list[str]:
+    """What the page says of the targets for one mesh: how their ratio changes from mesh to mesh."""
+    held = [line.name.rsplit(", ", 1) for line in rows if line.group == "observers" and line.target]
+    lines = []
+    for name, mesh in held:
+        ratios = {
+            other: line.value
+            for line in rows
+            if line.group == "observers" and line.name.startswith(f"{name}, ")
+            for other in [line.name.removeprefix(f"{name}, ")]
+        }
+        told = ", ".join(f"{_number(value)} at {other}" for other, value in ratios.items())
+        lines.append(f"- {name}: {told}; the target is for {mesh}.")
+    lead = "Rendering takes longer the more faces there are, rays hardly, so that the ratio falls:"
+    return [lead, "", *lines, ""] if lines else []
 
 
 def on_gpu(available: bool, renderer: str) -> str:
