@@ -46,7 +46,7 @@ run: setup ## fly both configurations of the paper
 fresh-kernels: setup-dev
 	@$(BIN)/python -m scripts.import_graph
 
-test: fresh-kernels ## run every test
+test: fresh-kernels ## run the tests
 	@$(PYTEST) $(ARGS)
 
 test-all: $(VENV)/.installed-all test ## the same with what trains policies and a browser, so that nothing is skipped for want of them

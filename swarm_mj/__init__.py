@@ -116,7 +116,8 @@ def _give_numba_a_cache() -> None:
         return
     cache = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "numba"
     if cache.is_absolute():  # without a home folder "~" stays as it is
-        nearest = next(folder for folder in (cache, *cache.parents) if folder.exists())
+        # Not Path.exists, which raises where a folder may not be entered.
+        nearest = next(folder for folder in (cache, *cache.parents) if os.path.exists(folder))
         status = nearest.stat()
         if os.access(nearest, os.W_OK) and status.st_uid == os.getuid() and not status.st_mode & 0o022:
             return

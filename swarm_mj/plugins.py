@@ -12,6 +12,7 @@ and a scenario then says `control: {controller: my_law, parameters: {...}}`. Or 
 from __future__ import annotations
 
 import importlib.util
+import stat
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -73,8 +74,13 @@ def file_of(name: str) -> tuple[Path, str] | None:
 
 def _in_file(path: Path, attribute: str) -> Callable[..., Any]:
     try:
-        whole = path.resolve(strict=True)
-        module = _module(whole, whole.stat().st_mtime_ns)
+        whole = path.absolute()  # as it is named: a link may lead to a name without .py
+        status = whole.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise PluginError(f"'{path}:{attribute}': {path}: is no regular file")
+        module = _module(whole, status.st_mtime_ns)
+    except PluginError:
+        raise
     except OSError as error:
         raise PluginError(f"'{path}:{attribute}': {path}: cannot be read ({error.strerror})") from None
     except Exception as error:

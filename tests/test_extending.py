@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import os
 import shlex
 import sys
 import tomllib
@@ -13,6 +14,7 @@ import pytest
 import swarm_mj as sm
 from swarm_mj.cli.main import main
 from swarm_mj.errors import PluginError, SwarmError
+from swarm_mj.plugins import CONTROLLERS, find
 from swarm_mj.records.findings import borrowed_findings
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.telemetry import MODES, read_telemetry
@@ -160,3 +162,11 @@ def test_what_is_wrong_with_a_file_names_file_and_class(with_files, text, words)
     law.unlink() if text is None else law.write_text(text)
     with pytest.raises(PluginError, match=words):
         sm.fly(with_files / "own.yaml", {"control.parameters": {}, "control.controller": f"{law}:Damper"})
+
+
+def test_a_plug_in_is_read_from_regular_files_alone(tmp_path):
+    os.mkfifo(tmp_path / "pipe.py")
+    (tmp_path / "endless.py").symlink_to("/dev/zero")
+    for name in ("pipe.py", "endless.py"):
+        with pytest.raises(PluginError, match=f"{name}: is no regular file"):
+            find(CONTROLLERS, f"{tmp_path / name}:Damper")

@@ -112,8 +112,9 @@ virtual environment, against pypi.org or, failing that, api.osv.dev. Where neith
 checked and ends with an error; the tests and the other checks do without.
 
 Some licences ask for more than the others: `moocore`, which pymoo brings along, and `pygame`, which opens a window, are under
-the LGPL and are used as they are, as libraries; `polyhedral-gravity`, under the GPL, belongs to the tests, and `swarm-mj
-validate` uses it where it is installed; `ccsds-ndm`, under the GPL too, belongs to the tests alone.
+the LGPL and are used as they are, as libraries; the wheels of `av` carry FFmpeg under the LGPL with the encoders x264 and x265
+under the GPL, which films are written by; `polyhedral-gravity`, under the GPL, belongs to the tests, and `swarm-mj validate`
+uses it where it is installed; `ccsds-ndm`, under the GPL too, and `hypothesis`, under the MPL, belong to the tests alone.
 """
 
 

@@ -37,6 +37,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.environ.setdefault("PYTHONSAFEPATH", "1")
     with handled(_interrupted) as interruption:
         try:
+            if argv is None:
+                _refuse_settings_of_the_folder()
             arguments = _parser().parse_args(argv)
             return int(arguments.command(arguments) or 0)
         except BaseException as error:
@@ -52,6 +54,15 @@ def main(argv: Sequence[str] | None = None) -> int:
             if isinstance(error, Exception) and (fault := _opengl_fault()):
                 return _report(2, f"swarm-mj: error: {fault}")
             raise
+
+
+def _refuse_settings_of_the_folder() -> None:
+    """See that libraries find no settings in the current folder, with which they would write files and run programs."""
+    for name, library in ((".numba_config.yaml", "Numba"), ("matplotlibrc", "Matplotlib")):
+        if os.path.lexists(name):
+            raise SwarmError(
+                f"{name}: {library} would obey this file of the current folder; rename it, or run elsewhere"
+            )
 
 
 def _opengl_fault() -> str:

@@ -26,6 +26,16 @@ def test_no_module_of_the_current_folder_is_imported(tmp_path):
     assert not (tmp_path / "trap").exists()
 
 
+@pytest.mark.parametrize("name", [".numba_config.yaml", "matplotlibrc"])
+def test_no_settings_of_the_current_folder_are_obeyed(tmp_path, name):
+    """Numba would write a trace wherever that file says, Matplotlib start latex."""
+    (tmp_path / name).write_text(f"CHROME_TRACE: {tmp_path / 'trace'}\n")
+    program = Path(sys.executable).with_name("swarm-mj")
+    done = subprocess.run([program, "available"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 2 and done.stderr.startswith(f"swarm-mj: error: {name}: ")
+    assert not (tmp_path / "trace").exists()
+
+
 def test_what_mujoco_cannot_draw_with_is_refused_by_name(tmp_path):
     command = [sys.executable, "-m", "swarm_mj", "fly", "eros-quick", "--set", "seed=x"]
     done = subprocess.run(command, env=os.environ | {"MUJOCO_GL": "bad"}, capture_output=True, text=True)
@@ -44,3 +54,18 @@ def test_without_a_home_nothing_is_kept_and_everything_works(monkeypatch):
     assert folder.is_absolute() and not folder.parent.is_dir()
     assert cache.load_array(folder / "a.npy", (3,)) is None
     assert main(["available"]) == 0
+
+
+def test_a_home_that_may_not_be_entered_is_none(monkeypatch, tmp_path):
+    import swarm_mj
+
+    def refuse(path, **_):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(
+        swarm_mj.os, "access", lambda path, mode: not str(path).startswith(str(Path(swarm_mj.__file__).parent))
+    )
+    monkeypatch.setattr(Path, "exists", refuse)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "private" / "cache"))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
+    swarm_mj._give_numba_a_cache()
