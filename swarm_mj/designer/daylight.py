@@ -9,22 +9,23 @@ import numpy as np
 from swarm_mj.flight.environment import epoch_state
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.capture import lit
+from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.rotation import spin_dcm
 
 #: Epochs of a rotation that are tried.
 STEPS = 144
-#: Epochs count as good where the lit area is this share of the largest.
+#: Where the area that is asked for is never lit, epochs count as good with this share of the largest.
 GOOD = 0.95
 
 
 def daylight_text(scenario: Scenario, region: TargetRegion) -> str:
-    """Epochs within a rotation from the scenario's on, or releases, with which most of the target is lit at the arrival.
+    """Epochs within a rotation from the scenario's on, or releases, with which enough of the target is lit at the arrival.
 
-    Cast shadows are left out.
+    Enough is what the design asks for, or, where that is never lit, nearly the most that is. Cast shadows count as in pictures.
 
     Args:
-        scenario: With release, time of flight and the largest incidence.
+        scenario: With release, time of flight, tolerance and the largest incidence.
         region: The target.
     """
     around = epoch_state(scenario)
@@ -32,21 +33,23 @@ def daylight_text(scenario: Scenario, region: TargetRegion) -> str:
     arrivals_s = scenario.design.release_s + scenario.design.time_of_flight_s + later_s[:STEPS]
     sun_A = [spin_dcm(around.C_PN, around.phase0 + around.spin_rate * t) @ around.sun.at(t) for t in arrivals_s]
     limit = scenario.observation.max_incidence_deg
-    share = (
-        np.array([region.area[lit(region, sun, max_incidence_deg=limit)].sum() for sun in sun_A]) / region.total_area
-    )
+    tracer = RayTracer(region.vertices, region.faces)
+    cells = [lit(region, sun, max_incidence_deg=limit, tracer=tracer) for sun in sun_A]
+    share = np.array([region.area[chosen].sum() for chosen in cells]) / region.total_area
     if not share.any():
-        return f"no part of it comes within {limit:g} deg of the Sun during a rotation of the body"
-    good = share >= GOOD * share.max()
+        return f"no part of it is lit within {limit:g} deg of the Sun during a rotation of the body"
+    asked = 1.0 - scenario.designer.tolerance_percent / 100.0
+    good = share >= (asked if share.max() >= asked else GOOD * share.max())
     first = int(np.argmax(good & ~np.roll(good, 1))) if not good.all() else 0
     length = STEPS if good.all() else int(np.argmin(np.roll(good, -first)))
     start, end = (float(later_s[first + k]) for k in (0, length - 1))
     interval, design = scenario.telemetry.interval_s, scenario.design
     soonest, latest = (interval * round((design.release_s + t) / interval) for t in (start, end))
+    lasting = soonest - design.release_s + scenario.duration_s
     return (
-        f"{100.0 * share.max():.0f} % of it or nearly as much is lit at the arrival with an epoch from "
-        f"{_epoch(scenario, start)} to {_epoch(scenario, end)} or with a release from {soonest:g} to {latest:g} s past this "
-        f"one (designer.releases_s, with duration_s from {soonest + design.time_of_flight_s:g} on)"
+        f"{np.floor(1000.0 * share[good].min()) / 10.0:g} % of it or more is lit at the arrival with an epoch from "
+        f"{_epoch(scenario, start)} to {_epoch(scenario, end)} or, if the mothership's path allows it, with a release from "
+        f"{soonest:g} to {latest:g} s past this one (designer.releases_s, with duration_s from {lasting:g} on)"
     )
 
 
