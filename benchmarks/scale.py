@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import closing
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,7 @@ def seen_by(scenario: Any, flights: Any) -> Mask:
     from swarm_mj.designer.candidates.visibility import imaging_model_from
 
     watchers = [Watcher(flights, j) for j in range(flights.n)]
-    with Judge(flights.plan.region, imaging_model_from(scenario), scenario.observation, workers=1) as judge:
+    with closing(Judge(flights.plan.region, imaging_model_from(scenario), scenario.observation, workers=1)) as judge:
         return np.array([row for _, row in sorted(judge.seen(watchers), key=itemgetter(0))])
 
 

@@ -162,11 +162,7 @@ def solve_budget(problem: CoverProblem, n_observers: int, time_limit_s: float | 
         LinearConstraint(hstack([seen, -problem.fold * eye_array(n_cells)], format="csr"), 0.0, np.inf),
         LinearConstraint(np.concatenate([np.ones(n_points), np.zeros(n_cells)])[None, :], 1.0, n_observers),
     ]
-    answer = _milp(
-        np.concatenate([np.zeros(n_points), -percent]),
-        constraints,
-        time_limit_s,
-    )
+    answer = _milp(np.concatenate([np.zeros(n_points), -percent]), constraints, time_limit_s)
     if answer.x is None:
         raise MissionError(f"nothing was found in {time_limit_s} s: allow more time")
     points = _without_idle(problem, _visits(answer.x[:n_points], np.arange(n_points)))

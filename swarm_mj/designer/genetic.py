@@ -154,26 +154,20 @@ def evolve(
 
 
 def _algorithm(problem: CoverProblem, settings: GeneticSettings) -> GA:
-    unique = UniqueDesigns()
     if settings.operators == "plain":
         crossover, mutation, repair = SBX(prob=0.9, eta=3, vtype=float), PM(prob=1.0, eta=3), RoundingRepair()
     else:
         crossover, mutation, repair = UX(prob=0.9), ForgetMutation(), CoverRepair(problem, settings.blur)
-    return GA(
-        pop_size=settings.population,
-        sampling=RandomGeneMaps(),
-        repair=repair,
-        eliminate_duplicates=unique,
-        output=None,
-        mating=Mating(
-            FitnessTournament(),
-            crossover,
-            mutation,
-            repair=repair,
-            eliminate_duplicates=unique,
-            n_max_iterations=MATING_ATTEMPTS,
-        ),
-    )
+    return breeding(GA, settings.population, RandomGeneMaps(), FitnessTournament(), crossover, mutation, repair)
+
+
+def breeding(
+    algorithm: Any, population: int, sampling: Any, selection: Any, crossover: Any, mutation: Any, repair: Any
+) -> Any:
+    """An algorithm of pymoo, by its class, with these operators; no design is in it twice."""
+    how = {"repair": repair, "eliminate_duplicates": UniqueDesigns()}
+    mating = Mating(selection, crossover, mutation, n_max_iterations=MATING_ATTEMPTS, **how)
+    return algorithm(pop_size=population, sampling=sampling, mating=mating, output=None, **how)
 
 
 class _Recorder(Callback):
@@ -201,11 +195,8 @@ class _Stop(Termination):
 
     def __init__(self, max_generations: int, patience: int) -> None:
         super().__init__()
-        self.max_generations = max_generations
-        self.patience = patience
-        self.best = np.inf
-        self.best_generation = 0
-        self.reason = "no new designs"
+        self.max_generations, self.patience = max_generations, patience
+        self.best, self.best_generation, self.reason = np.inf, 0, "no new designs"
 
     def share(self, generation: int) -> float:
         """How much of the run is done, if no fitter design comes."""
@@ -291,8 +282,7 @@ class CoverRepair(Repair):
 
     def __init__(self, cover: CoverProblem, blur: float) -> None:
         super().__init__()
-        self.cover = cover
-        self.blur = blur
+        self.cover, self.blur = cover, blur
 
     def _do(self, problem: Problem, X: Ints, *args: Any, random_state: Any, **kwargs: Any) -> Ints:  # noqa: N803
         return repair_designs(self.cover, X, self.blur * random_state.random((len(X), self.cover.n_points)))

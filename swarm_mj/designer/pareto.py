@@ -15,8 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from pymoo.algorithms.moo.nsga2 import NSGA2, binary_tournament
 from pymoo.core.callback import Callback
-from pymoo.core.mating import Mating
-from pymoo.core.mutation import Mutation
 from pymoo.core.problem import Problem
 from pymoo.core.repair import Repair
 from pymoo.operators.crossover.ux import UX
@@ -24,7 +22,7 @@ from pymoo.operators.selection.tournament import TournamentSelection
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
 from swarm_mj.compilation import kernel
-from swarm_mj.designer.genetic import MATING_ATTEMPTS, GeneMapProblem, RandomGeneMaps, UniqueDesigns
+from swarm_mj.designer.genetic import ForgetMutation, GeneMapProblem, RandomGeneMaps, breeding
 from swarm_mj.designer.problem import CoverProblem, gene_map
 from swarm_mj.designer.repair import refill_designs
 from swarm_mj.typing import Array, Ints, Mask
@@ -78,22 +76,9 @@ def pareto_front(
     """
     start = time.perf_counter()
     archive = _Archive(problem.max_observers)
-    repair, unique = _CheapRefill(problem, delta_v), UniqueDesigns()
-    algorithm = NSGA2(
-        pop_size=population,
-        sampling=_KnownAndRandom([gene_map(points, problem.max_observers) for points in known]),
-        repair=repair,
-        eliminate_duplicates=unique,
-        output=None,
-        mating=Mating(
-            TournamentSelection(func_comp=binary_tournament),
-            UX(prob=0.9),
-            _ForgetOrResize(),
-            repair=repair,
-            eliminate_duplicates=unique,
-            n_max_iterations=MATING_ATTEMPTS,
-        ),
-    )
+    sampling = _KnownAndRandom([gene_map(points, problem.max_observers) for points in known])
+    selection, repair = TournamentSelection(func_comp=binary_tournament), _CheapRefill(problem, delta_v)
+    algorithm = breeding(NSGA2, population, sampling, selection, UX(prob=0.9), _ForgetOrResize(), repair)
     stop = MaximumGenerationTermination(generations + 1)
     algorithm.setup(_TradeProblem(problem, delta_v), termination=stop, callback=archive, seed=seed)
     algorithm.run()
@@ -156,11 +141,8 @@ class _KnownAndRandom(RandomGeneMaps):
         return genes
 
 
-class _ForgetOrResize(Mutation):
+class _ForgetOrResize(ForgetMutation):
     """Forget points, to be named anew at random or, by repeating a point, left to the refill; fly one more or fewer."""
-
-    def __init__(self) -> None:
-        super().__init__(prob=1.0)
 
     def _do(self, problem: Problem, X: Ints, *args: Any, random_state: Any, **kwargs: Any) -> Ints:  # noqa: N803
         genes = X.copy()
@@ -178,10 +160,8 @@ class _CheapRefill(Repair):
 
     def __init__(self, cover: CoverProblem, delta_v: Array) -> None:
         super().__init__()
-        self.cover = cover
-        self.cheapness = np.log(
-            (delta_v.min() + 1e-9 * (1.0 + delta_v.max())) / (delta_v + 1e-9 * (1.0 + delta_v.max()))
-        )
+        self.cover, least = cover, 1e-9 * (1.0 + delta_v.max())
+        self.cheapness = np.log((delta_v.min() + least) / (delta_v + least))
 
     def _do(self, problem: Problem, X: Ints, *args: Any, random_state: Any, **kwargs: Any) -> Ints:  # noqa: N803
         power = 3.0 * random_state.random((len(X), 1))

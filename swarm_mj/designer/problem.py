@@ -178,15 +178,16 @@ def gene_map(points: Sequence[int] | Ints, max_observers: int) -> Ints:
 def _uncoverable(problem: CoverProblem, best: float) -> str:
     unseen = int((~problem.coverable).sum())
     times = "" if problem.fold == 1 else f" {problem.fold} times"
-    advice = (
-        f"allow a tolerance of at least {min(np.ceil((100.0 - best) * 100) / 100, 100.0):.2f} %, or add visiting points"
+    missing = np.ceil((100.0 - best) * 100.0) / 100.0
+    remedies = (
+        f"allow a tolerance of at least {missing:.2f} %" if missing < 100.0 else "",
+        "add visiting points",
+        "ask for a lower fold" if problem.fold > 1 else "",
     )
-    if problem.fold > 1:
-        advice += ", or ask for a lower fold"
     return (
         f"the target cannot be covered: visiting all {problem.n_points} points sees {abs(best):.2f} % of its area{times}, "
         f"{100.0 - problem.tolerance_percent:g} % is asked for, {unseen} of {problem.n_faces} faces fall short"
-        f"{_causes(problem)}; {advice}"
+        f"{_causes(problem)}; {', or '.join(filter(None, remedies))}"
     )
 
 

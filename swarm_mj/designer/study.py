@@ -174,7 +174,7 @@ def study_design(
             dark = len(seen.why) and (seen.why == Cause.DARK).any() and not work.problem.can_be_covered
             if not dark:
                 raise
-            raise MissionError(f"{error}; {daylight_text(scenario, seen.regions[0])}") from None
+            raise MissionError(f"{error}; {daylight_text(scenario, seen.region)}") from None
     return work.study()
 
 
@@ -264,7 +264,7 @@ def _deadline_search(scenario: Scenario, seen: Visibility, problem: CoverProblem
     def fly(points: Ints) -> Arrival:
         return fly_design(scenario, np.array([seen.candidates[p - 1].point for p in points]))
 
-    needs = needs_of(scenario, seen.flights[0], seen.regions[0], problem)
+    needs = needs_of(scenario, seen.flights[0], seen.region, problem)
     return DeadlineSearch(problem=problem, needs=needs, limit_s=hours * HOUR, fly=fly)
 
 
@@ -319,7 +319,7 @@ def _grown(change: str, scenario: Scenario, workers: int | None) -> Growth:
 def describe(candidate: Candidate, seen: Visibility) -> str:
     """A candidate in a few words: its point, and what the designer was free to choose besides."""
     words = str(candidate.point)
-    if seen.regions[0].parts:
+    if seen.region.parts:
         words = f"{target_name(candidate.target)}{words}"
     if len({c.altitude_m for c in seen.candidates}) > 1:
         words += f" at {candidate.altitude_m / 1e3:g} km"

@@ -91,7 +91,7 @@ def _points_of(study: Study) -> int:
 
 def compose_cover(study: Study) -> Figure:
     """Each target as seen from the body's centre: how many of the chosen spacecraft see each cell."""
-    whole = study.visibility.regions[0]
+    whole = study.visibility.region
     regions = whole.targets
     figure = new_figure(5.6, f"Who covers what: {plain(study.scenario.name)}", width_in=max(6.5, 5.0 * len(regions)))
     rows = study.visibility.sees[study.selected - 1]
@@ -116,7 +116,7 @@ def compose_cover(study: Study) -> Figure:
 
 
 def _draw_points(ax: Axes, study: Study, target: int) -> None:
-    region = study.visibility.regions[0].targets[target]
+    region = study.visibility.region.targets[target]
     flat = angles(region.vertices[region.visiting_vertex], region.axes_A)
     ax.plot(*flat.T, "o", color=BLACK, markersize=1.8)
     chosen = [study.visibility.candidates[p - 1] for p in study.selected]

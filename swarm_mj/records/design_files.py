@@ -94,7 +94,7 @@ def design_record(study: Study) -> dict[str, Any]:
         "any_roll": scenario.designer.any_roll,
         "criterion": scenario.observation.model_dump(mode="json"),
         "camera": scenario.camera.model_dump(mode="json"),
-        "made_for": made_for(scenario, seen.regions[0].mesh.vertices[seen.regions[0].mesh.faces]),
+        "made_for": made_for(scenario, seen.region.mesh.vertices[seen.region.mesh.faces]),
         "candidates_count": len(seen.candidates),
         "candidates_left_out": [
             {"candidate": describe(candidate, seen), "why": why} for candidate, why in seen.left_out
@@ -102,7 +102,7 @@ def design_record(study: Study) -> dict[str, Any]:
         "candidates_thinned": len(seen.thinned),
         "interrupted": study.interrupted or None,
         "candidates_unjudged": seen.unjudged,
-        "target_faces": seen.n_target_faces,
+        "target_faces": seen.region.n_faces,
         "target_cells": len(seen.area),
         **_delivery_record(study),
         "seed": scenario.seed,

@@ -111,6 +111,8 @@ def test_an_uncoverable_target_says_how_much_can_be_seen_and_what_would_do():
     with pytest.raises(MissionError, match=r"sees 75\.00 %.*1 of 3 faces.*tolerance of at least 25\.00 %"):
         problem.require_coverable()
     CoverProblem(sees=sees, area=problem.area, tolerance_percent=25.0).require_coverable()
+    with pytest.raises(MissionError, match=r"sees 0\.00 %.*3 of 3 faces fall short; add visiting points$"):
+        CoverProblem(sees=np.zeros_like(sees), area=problem.area).require_coverable()
 
 
 def test_of_designs_that_miss_too_much_the_one_that_misses_less_is_fitter(make_discs, rng):

@@ -1,5 +1,6 @@
 """A whole flight past a body at 7 km/s, 100 km away: line of sight, tracking and motion blur against closed forms."""
 
+from contextlib import closing
 from dataclasses import replace
 from functools import cache
 
@@ -139,7 +140,9 @@ def test_the_designer_judges_motion_blur_by_the_commanded_rates():
             FLYBY, parse_overrides([f"observation.max_motion_blur_px={limited}", "observation.criterion=arrival"])
         )
         flights = fly_candidates(scenario)
-        with Judge(flights.plan.region, imaging_model_from(scenario), scenario.observation, workers=1) as judge:
+        with closing(
+            Judge(flights.plan.region, imaging_model_from(scenario), scenario.observation, workers=1)
+        ) as judge:
             seen[limited] = dict(judge.seen([Watcher(flights, 0)]))[0]
     (k,) = np.flatnonzero(flights.counts)
     motion = CameraMotion(flights.v_A[k, 0], flights.omega_C[k, 0])

@@ -12,7 +12,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
@@ -139,13 +139,10 @@ def _compute(
     if workers > 1 and sum(len(r_A) for r_A, _ in jobs.values()) >= MIN_PARALLEL:
         yield from run_jobs(parts.items(), _judge, workers=workers, setup=_opened, arguments=(region, imaging_model))
     elif parts:
-        judge = _opened(region, imaging_model)
-        try:
+        with closing(imaging_model.open(region)) as observer:
             for key, part in parts.items():
                 interruption.check()
-                yield key, _judge(judge, *part)
-        finally:
-            judge[0].close()
+                yield key, _judge((observer, imaging_model.whole), *part)
 
 
 def _opened(region: TargetRegion, imaging_model: ImagingModel) -> tuple[Observer, bool]:
@@ -162,11 +159,8 @@ def _judge(judge: tuple[Observer, bool], r_A: Array, C_CA: Array) -> Array:
 
 
 def _key(region: TargetRegion, imaging_model: ImagingModel) -> str:
-    observer = imaging_model.open(region)
-    try:
+    with closing(imaging_model.open(region)) as observer:
         name = observer.name
-    finally:
-        observer.close()
     camera = imaging_model.camera
     text = f"{CACHE_VERSION} {name} {imaging_model.occlusion} {camera.half_angle_deg!r} {camera.shape} {camera.resolution_px}"
     if imaging_model.whole:
@@ -206,11 +200,7 @@ class Judge:
     """
 
     def __init__(
-        self,
-        region: TargetRegion,
-        imaging_model: ImagingModel,
-        criterion: Observation,
-        workers: int | None,
+        self, region: TargetRegion, imaging_model: ImagingModel, criterion: Observation, workers: int | None
     ) -> None:
         self.region, self.imaging_model, self.criterion, self.workers = region, imaging_model, criterion, workers
         self._observer = imaging_model.open(region)
@@ -218,7 +208,6 @@ class Judge:
         self._lit: dict[tuple[int, int], Mask] = {}
         #: Why each cell is seen by none of those judged so far, in the picture that came nearest to it.
         self.why = np.full(region.n_cells, Cause.NO_PICTURE, np.int8)
-        self._all_lit = np.ones((1, region.n_cells), dtype=np.bool_)
 
     def seen(self, watchers: Sequence[Watcher], *, progress: Progress | None = None) -> Iterator[tuple[int, Mask]]:
         """Whether each sees each cell, of one watcher after the other as they are done: its number and shape (cells,).
@@ -251,7 +240,8 @@ class Judge:
 
     def could_see(self, watcher: Watcher) -> Mask:
         """The cells that a watcher could see if the body hid nothing, and perhaps a few more, shape (cells,)."""
-        light = self._all_lit
+        interruption.check()
+        light = np.ones((1, self.region.n_cells), np.bool_)
         if self.criterion.needs_sun and len(watcher.pictures):
             light = np.stack([self._light(watcher.flights, int(k)) for k in watcher.pictures])
         return np.asarray(in_reach(self._cells, self._reach, *watcher.poses, light))
@@ -274,11 +264,3 @@ class Judge:
     def close(self) -> None:
         """Release what the observer holds."""
         self._observer.close()
-
-    def __enter__(self) -> Self:
-        """Use as a context manager."""
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        """Close."""
-        self.close()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
@@ -18,7 +18,6 @@ from swarm_mj.designer.candidates.thinning import Thinning
 from swarm_mj.flight.environment import load_body_shape
 from swarm_mj.flight.observe import camera_from
 from swarm_mj.flight.targets import target_from
-from swarm_mj.io import interruption
 from swarm_mj.mission.deployment import tell_part
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.scenarios.itinerary import all_targets
@@ -56,7 +55,7 @@ class Visibility:
         delta_v: Deployment speed of each candidate [m/s], shape (n,).
         beyond: Whether that is more than the deployer can give, shape (n,).
         point_A: Where each candidate passes at its time of flight, in A [m], shape (n, 3).
-        regions: All targets in one region; its `targets` are each of them.
+        region: All targets in one; its `targets` are each of them.
         left_out: What the designer might have chosen but nobody can fly to, and why.
         unjudged: Candidates whose pictures were not judged because of an interruption; they count as seeing nothing.
         why: `Cause` why each cell is seen by no candidate, shape (cells,).
@@ -71,17 +70,12 @@ class Visibility:
     delta_v: Array
     beyond: Mask
     point_A: Array
-    regions: list[TargetRegion]
+    region: TargetRegion
     left_out: list[tuple[Candidate, str]] = field(default_factory=list)
     why: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
     unjudged: int = 0
     thinned: list[tuple[Candidate, Candidate]] = field(default_factory=list)
     flights: list[CandidateFlights] = field(default_factory=list)
-
-    @property
-    def n_target_faces(self) -> int:
-        """Faces of F_T, all targets."""
-        return sum(region.n_faces for region in self.regions)
 
 
 def visibility(
@@ -112,14 +106,12 @@ def visibility(
     Raises:
         SwarmError: No candidate can be flown.
     """
-    shape = load_body_shape(scenario.body)
-    variants = target_variants(scenario)
-    regions = [target_from(scenario, shape)]
-    flown, left_out = _fly(variants, flying)
+    region = target_from(scenario, load_body_shape(scenario.body))
+    flown, left_out = _fly(target_variants(scenario), flying)
     candidates = [_candidate(variant, target, point) for target, variant, f in flown for point in f.points]
     delta_v = np.concatenate([flights.delta_v for _, _, flights in flown])
     beyond = np.concatenate([flights.beyond for _, _, flights in flown])
-    found = _Sightings(len(candidates), regions, progress)
+    found = _Sightings(len(candidates), region, progress)
     try:
         _judge(scenario, flown, found, workers, delta_v if costs else beyond.astype(np.float64))
     except KeyboardInterrupt:
@@ -129,14 +121,14 @@ def visibility(
     return Visibility(
         candidates=[candidates[j] for j in kept],
         sees=found.sees[kept],
-        area=np.concatenate([region.area for region in regions]),
+        area=region.area,
         delta_v=delta_v[kept],
         beyond=beyond[kept],
         point_A=np.concatenate([flights.plan.points_A for _, _, flights in flown])[kept],
-        regions=regions,
+        region=region,
         left_out=left_out,
         why=found.why,
-        unjudged=int((found.judged[kept] < len(regions)).sum()),
+        unjudged=int((~found.judged[kept]).sum()),
         thinned=[(candidates[j], candidates[i]) for j, i in sorted(found.stand_in.items())],
         flights=[] if scenario.designer.deliver_within_h is None else [flights for _, _, flights in flown],
     )
@@ -176,13 +168,13 @@ def _fly(variants: list[Scenario], flying: Progress | None) -> tuple[Flown, list
 
 
 class _Sightings:
-    """What is filled while candidates are judged: who sees what, on how many targets each is judged, and who need not be."""
+    """What is filled while candidates are judged: who sees what, who is judged, and who need not be."""
 
-    def __init__(self, n: int, regions: list[TargetRegion], progress: Progress | None) -> None:
-        self.regions, self.progress = regions, progress
-        self.sees = np.zeros((n, sum(region.n_cells for region in regions)), np.bool_)
-        self.why = np.zeros(self.sees.shape[1], np.int8)
-        self.judged = np.zeros(n, np.int64)
+    def __init__(self, n: int, region: TargetRegion, progress: Progress | None) -> None:
+        self.region, self.progress = region, progress
+        self.sees = np.zeros((n, region.n_cells), np.bool_)
+        self.why = np.zeros(region.n_cells, np.int8)
+        self.judged = np.zeros(n, np.bool_)
         self.stand_in: dict[int, int] = {}
 
     @property
@@ -190,50 +182,35 @@ class _Sightings:
         """The candidates that are not left out."""
         return np.delete(np.arange(len(self.judged)), list(self.stand_in))
 
-    def judge(self, judges: Sequence[Judge], watchers: Sequence[Watcher], wave: Indices) -> None:
+    def judge(self, judge: Judge, watchers: Sequence[Watcher], wave: Indices) -> None:
         """Judge the candidates of a wave, row by row, as they are done."""
-        first = 0
-        for judge in judges:
-            before = int(self.judged.sum()) + len(self.stand_in) * len(judges)
-            for j, row in judge.seen([watchers[j] for j in wave], progress=partial(self.tell, before)):
-                self.sees[wave[j], first : first + len(row)] = row
-                self.judged[wave[j]] += 1
-            self.why[first : first + judge.region.n_cells] = np.maximum(
-                self.why[first : first + judge.region.n_cells], judge.why
-            )
-            first += judge.region.n_cells
+        before = int(self.judged.sum()) + len(self.stand_in)
+        for j, row in judge.seen([watchers[j] for j in wave], progress=partial(self.tell, before)):
+            self.sees[wave[j]] = row
+            self.judged[wave[j]] = True
+        self.why = judge.why.copy()
 
     def tell(self, before: int, done: float) -> None:
-        """Tell how much is done: whole candidates on one target, and part of the next."""
+        """Tell how much is done: so many candidates before, and some now."""
         if self.progress is not None:
-            self.progress((before + done) / (len(self.judged) * len(self.regions)))
+            self.progress((before + done) / len(self.judged))
 
 
 def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | None, cost: Array) -> None:
     """Judge all candidates, or with many all that need be."""
     watchers = [Watcher(flights, j) for _, _, flights in flown for j in range(flights.n)]
-    with ExitStack() as stack:
-        how = imaging_model_from(scenario), scenario.observation, workers
-        judges = [stack.enter_context(Judge(region, *how)) for region in found.regions]
-        designer = scenario.designer
+    designer = scenario.designer
+    with closing(Judge(found.region, imaging_model_from(scenario), scenario.observation, workers)) as judge:
         if len(watchers) < designer.thin_from or designer.deliver_within_h is not None:
-            found.judge(judges, watchers, np.arange(len(watchers)))
+            found.judge(judge, watchers, np.arange(len(watchers)))
             return
         found.tell(0, 0.0)  # the flights are done
-        thinning = Thinning(_reach(judges, watchers), found.sees, fold=designer.fold, cost=cost)
+        reach = np.stack([judge.could_see(watcher) for watcher in watchers])
+        thinning = Thinning(reach, found.sees, fold=designer.fold, cost=cost)
         found.stand_in = thinning.stand_in
         for wave in thinning.waves():
-            found.judge(judges, watchers, wave)
-        found.tell(len(watchers) * len(judges), 0.0)
-
-
-def _reach(judges: Sequence[Judge], watchers: Sequence[Watcher]) -> Mask:
-    """What each could see at most, all targets one after another, shape (n, cells)."""
-    rows = []
-    for watcher in watchers:
-        interruption.check()
-        rows.append(np.concatenate([judge.could_see(watcher) for judge in judges]))
-    return np.stack(rows)
+            found.judge(judge, watchers, wave)
+        found.tell(len(watchers), 0.0)
 
 
 def target_variants(scenario: Scenario) -> list[Scenario]:

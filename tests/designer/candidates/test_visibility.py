@@ -212,7 +212,7 @@ def test_night_hides_the_target_from_every_candidate():
 def test_several_targets_altitudes_and_times_make_more_candidates_with_their_own_meaning():
     extra = "designer.extra_targets=[{latitude_deg: 0, longitude_deg: 60, half_angle_deg: 10}]"
     seen = visibility(scenario(extra))
-    (region,) = seen.regions
+    region = seen.region
     first, second = region.targets
     assert seen.sees.shape == (first.n_visiting + second.n_visiting, region.n_cells)
     assert {c.target for c in seen.candidates} == {0, 1}
