@@ -40,7 +40,7 @@ from swarm_mj.observation.gl_context import gl_available
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.raycast import RayCastObserver
-from swarm_mj.smallbody.shape_harmonics import build_eros
+from swarm_mj.smallbody.shape_harmonics import build_shape
 
 #: Frequencies of the geodesic mesh: 8, 32, 72, 200 and 1,004 thousand faces.
 FREQUENCIES = (20, 40, 60, 100, 224)
@@ -90,7 +90,9 @@ def _picture_rows(frequency: int, rounds: int, pictures: int) -> Iterator[Row]:
 
 def _instant_row(rounds: int) -> Row:
     """A target-only observation by the fastest observer with occlusion: 72 faces, 6 spacecraft."""
-    region = build_target(build_eros(FREQUENCIES[0]), latitude_deg=0.0, longitude_deg=90.0, half_angle_deg=12.5)
+    region = build_target(
+        build_shape("eros", FREQUENCIES[0]), latitude_deg=0.0, longitude_deg=90.0, half_angle_deg=12.5
+    )
     observer = HorizonObserver(region, CameraModel(half_angle_deg=HALF_ANGLE_DEG, resolution_px=RESOLUTION_PX))
     poses = next(rounds_of_poses(1, PICTURES))
 
@@ -126,7 +128,7 @@ class Measured:
 
 def measure(frequency: int, rounds: int, pictures: int = PICTURES) -> Measured:
     """One mesh."""
-    shape = build_eros(frequency)
+    shape = build_shape("eros", frequency)
     region = build_target(shape, latitude_deg=0.0, longitude_deg=90.0, half_angle_deg=20.0)
     camera = CameraModel(half_angle_deg=HALF_ANGLE_DEG, resolution_px=RESOLUTION_PX)
     drawings: list[Drawing] = ["opengl", "compiled"] if gl_available()[0] else ["compiled"]

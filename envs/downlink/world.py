@@ -111,7 +111,7 @@ class DownlinkTask:
         self.n = self.plan.n
         self.access = Access(given.link.crosslink.access)
         self.half_duplex = radio_from(given.link.crosslink, "link.crosslink").duplex == "half"
-        self._radios = radios_from(given.link, antennas_from(given).beams)
+        self._radios = radios_from(given.link, antennas_from(given))
         self._body, self._draw, self._power = occluder_of(self.plan.shape), config.draws, config.powers
         self._arrival_s = float(self.plan.deployment.arrival_s.max())
         self._paths = self._plan_paths()

@@ -41,7 +41,7 @@ class GraphKnowledge:
         n, wheels = episode.n, episode.now.wheel.shape[2]
         self._episode, self.tables = episode, no_tables(n, n, episode.patches)
         self._plan = plan = episode.missions[episode.mission[0]].plan
-        self._radios, self._body = radios_from(plan.scenario.link, plan.antennas.beams), occluder_of(plan.shape)
+        self._radios, self._body = radios_from(plan.scenario.link, plan.antennas), occluder_of(plan.shape)
         nothing = np.zeros((n, n), np.int64)
         self.beliefs = EpisodeArrays(
             now=no_kinematics(n, n, wheels),

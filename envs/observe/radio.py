@@ -83,7 +83,7 @@ def radio_constants(
         ScenarioError: No station ever hears anything.
     """
     scenario, earth = plan.scenario, plan.environment.earth
-    radios = radios_from(scenario.link, antennas_from(scenario).beams)
+    radios = radios_from(scenario.link, antennas_from(scenario))
     if swarm_rate_bit_s is not None:
         radios = radios._replace(swarm=RateTable(np.array([np.inf]), np.array([float(swarm_rate_bit_s)])))
     if earth_rate_bit_s is None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from swarm_mj.scenarios import constants
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.smallbody.shape_harmonics import build_eros
+from swarm_mj.smallbody.shape_harmonics import build_shape
 from swarm_mj.smallbody.shape_io import save_shape
 
 #: A mesh of one's own takes no gravity from Eros by itself; here it is Eros's on purpose.
@@ -24,6 +24,6 @@ def eros_at(frequency: int, folder: Path) -> tuple[ShapeModel, dict[str, Any]]:
     Returns:
         The mesh, and the overrides with which a scenario flies past it in Eros's measured field.
     """
-    shape, path = build_eros(frequency), folder / f"eros-{frequency}.obj"
+    shape, path = build_shape("eros", frequency), folder / f"eros-{frequency}.obj"
     save_shape(shape, path)
     return shape, {"body.shape": str(path), "body.gravity.parameters": EROS_FIELD}

@@ -13,7 +13,7 @@ from swarm_mj.dataflow.ground import EarthSchedule, stations_from
 from swarm_mj.dataflow.link_budget import RateTable, rate_at, rate_table
 from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.mission.links import Beams, Obstacle, obstacle_between, obstacle_to_earth
+from swarm_mj.mission.links import Antennas, Obstacle, obstacle_between, obstacle_to_earth
 from swarm_mj.scenarios.schema_link import Link
 from swarm_mj.smallbody.occultation import Occluder
 from swarm_mj.typing import Array, Ints, Mask
@@ -32,12 +32,12 @@ class Radios(NamedTuple):
         earth: Rates by range to each of s stations, arrays of shape (s, k).
     """
 
-    beams: Beams
+    beams: Antennas
     swarm: RateTable
     earth: RateTable
 
 
-def radios_from(link: Link, beams: Beams) -> Radios:
+def radios_from(link: Link, beams: Antennas) -> Radios:
     """The radios of a scenario with its antennas.
 
     Raises:

@@ -20,7 +20,7 @@ from swarm_mj.errors import MissionError
 from swarm_mj.flight.encounter_table import alone, encounter_of, together, track_of
 from swarm_mj.flight.observe import observer_from
 from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior, SwarmView, TargetKind, Targets
-from swarm_mj.mission.links import Antennas, Obstacle
+from swarm_mj.mission.links import Obstacle
 from swarm_mj.observation.capture import camera_poses, observe
 from swarm_mj.observation.motion_blur import Motion
 from swarm_mj.scenarios.schema import Scenario
@@ -156,8 +156,7 @@ def succession_of(plan: Any, pictures: tuple[Schedule, ...], end_s: float) -> In
 def links_of(plan: Any, swarm: Swarm) -> Callable[[SwarmView, Targets], Graph]:
     """A function that says, by a view and what all track, which links close at that instant."""
     scenario, n = plan.scenario, plan.n
-    antennas: Antennas = plan.antennas
-    radios, body = radios_from(scenario.link, antennas.beams), occluder_of(plan.shape)
+    radios, body = radios_from(scenario.link, plan.antennas), occluder_of(plan.shape)
 
     def graph(view: SwarmView, targets: Targets) -> Graph:
         C_BN = np.tile(np.eye(3), (n, 1, 1)) if view.q_BN is None else dcm(mrp_from_quaternion(view.q_BN))

@@ -377,7 +377,7 @@ def contacts_of(plan: Plan, edges_s: Array, instants: Instants) -> Contacts:
     """What geometry and the scenario's radios allow."""
     link = plan.scenario.link
     heard = earth_schedule(link.ground, plan.scenario.epoch, instants.t, instants.r_BN_N.mean(axis=1), instants.earth_N)
-    radios = radios_from(link, plan.antennas.beams)
+    radios = radios_from(link, plan.antennas)
     return find_contacts(edges_s, instants, radios=radios, body=occluder_of(plan.shape), heard=heard)
 
 

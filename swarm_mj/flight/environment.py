@@ -49,7 +49,7 @@ def epoch_state(scenario: Scenario) -> EpochState:
     built_in = EpochState(
         C_PN=ephemeris.rotation.C_PN,
         phase0=ephemeris.rotation.phase(jd),
-        spin_rate=ephemeris.spin_rate,
+        spin_rate=ephemeris.rotation.spin_rate,
         sun=LinearMotion(*ephemeris.sun_state_N(jd)),
         earth=LinearMotion(*ephemeris.earth_state_N(jd)),
     )

@@ -263,10 +263,10 @@ def unchecked_behavior(scenario: Scenario) -> Behavior:
 
 def antennas_from(scenario: Scenario) -> Antennas:
     """The scenario's antennas; ScenarioError where its radio does not exist."""
-    link = scenario.link
+    link, boresight_B = scenario.link, np.array(scenario.link.hemispherical_boresight_B, np.float64)
     return Antennas(
         dish_half_angle=radians(link.dish_half_angle_deg),
-        hemispherical_boresight_B=np.array(link.hemispherical_boresight_B),
+        hemispherical_boresight_B=boresight_B / np.linalg.norm(boresight_B, axis=-1),
         hemispherical_half_angle=radians(link.hemispherical_half_angle_deg),
         max_range=crosslink_range_m(link),
         omnidirectional=link.crosslink.antenna == "omnidirectional",

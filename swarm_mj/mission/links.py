@@ -8,7 +8,6 @@ is not in between.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from math import atan2, sqrt
 from typing import NamedTuple
@@ -42,23 +41,12 @@ class Obstacle(IntEnum):
 _NONE, _RANGE, _BEAM, _BODY = (int(o) for o in (Obstacle.NONE, Obstacle.RANGE, Obstacle.BEAM, Obstacle.BODY))
 
 
-class Beams(NamedTuple):
-    """The antennas of every spacecraft as compiled code takes them: `Antennas`, with an axis of unit length."""
-
-    dish_half_angle: float
-    hemispherical_boresight_B: Array
-    hemispherical_half_angle: float
-    max_range: float
-    omnidirectional: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class Antennas:
-    """The antennas of every spacecraft.
+class Antennas(NamedTuple):
+    """The antennas of every spacecraft, as compiled code takes them.
 
     Attributes:
         dish_half_angle: Half the beam of the antenna along +z [rad].
-        hemispherical_boresight_B: Axis of the inter-satellite antenna in B, shape (3,).
+        hemispherical_boresight_B: Axis of the inter-satellite antenna in B, unit vector, shape (3,).
         hemispherical_half_angle: Half its beam [rad].
         max_range: Of an inter-satellite link [m].
         omnidirectional: Whether both ends of an inter-satellite link send and hear in all directions instead.
@@ -69,18 +57,6 @@ class Antennas:
     hemispherical_half_angle: float
     max_range: float
     omnidirectional: bool = False
-
-    @property
-    def beams(self) -> Beams:
-        """For compiled code."""
-        boresight_B = unit(np.asarray(self.hemispherical_boresight_B, np.float64))
-        return Beams(
-            dish_half_angle=float(self.dish_half_angle),
-            hemispherical_boresight_B=boresight_B,
-            hemispherical_half_angle=float(self.hemispherical_half_angle),
-            max_range=float(self.max_range),
-            omnidirectional=bool(self.omnidirectional),
-        )
 
 
 def links_closed(
@@ -97,7 +73,7 @@ def links_closed(
     """Which spacecraft have their link closed.
 
     Args:
-        antennas: See `Antennas`.
+        antennas: Of every spacecraft.
         shape: The asteroid, which may stand in between.
         mode: `TargetKind` values, shape (t, n).
         tracked: Number of the spacecraft tracked, counted from 0, shape (t, n); read where mode is SPACECRAFT.
@@ -109,10 +85,10 @@ def links_closed(
     Returns:
         Shape (t, n).
     """
-    closed, beams, body = np.zeros(mode.shape, np.bool_), antennas.beams, occluder_of(shape)
+    closed, body = np.zeros(mode.shape, np.bool_), occluder_of(shape)
     for k in range(len(mode)):
         closed[k] = closed_links(
-            beams,
+            antennas,
             body,
             mode[k].astype(np.int64),
             tracked[k].astype(np.int64),
@@ -126,7 +102,7 @@ def links_closed(
 
 @kernel
 def closed_links(
-    beams: Beams, body: Occluder, mode: Ints, tracked: Ints, r_N: Array, C_BN: Array, C_AN: Array, earth_N: Array
+    beams: Antennas, body: Occluder, mode: Ints, tracked: Ints, r_N: Array, C_BN: Array, C_AN: Array, earth_N: Array
 ) -> Mask:
     """Which spacecraft have their link closed at one instant, compiled.
 
@@ -167,7 +143,7 @@ class Bearing(NamedTuple):
 
 
 @kernel
-def link_closed(beams: Beams, body: Occluder, place: Bearing, mode: int, tracked: int, j: int) -> bool:
+def link_closed(beams: Antennas, body: Occluder, place: Bearing, mode: int, tracked: int, j: int) -> bool:
     """Whether spacecraft j, which tracks what `mode` says, has its link closed; arguments as of `closed_links`."""
     if mode == _SPACECRAFT:
         return bool(obstacle_between(beams, body, place.r_N, place.C_BN, place.C_AN, j, tracked) == _NONE)
@@ -178,7 +154,7 @@ def link_closed(beams: Beams, body: Occluder, place: Bearing, mode: int, tracked
 
 @kernel
 def obstacle_between(
-    beams: Beams, body: Occluder, r_N: Array, C_BN: Array, C_AN: Array, sender: int, receiver: int
+    beams: Antennas, body: Occluder, r_N: Array, C_BN: Array, C_AN: Array, sender: int, receiver: int
 ) -> int:
     """`Obstacle` on the way from one spacecraft, which tracks the other, to that other; arguments as of `closed_links`."""
     start, end = vector(r_N, sender), vector(r_N, receiver)
@@ -196,7 +172,7 @@ def obstacle_between(
 
 @kernel
 def obstacle_to_earth(
-    beams: Beams, body: Occluder, r_N: Array, C_BN: Array, C_AN: Array, earth_N: Vector, sender: int
+    beams: Antennas, body: Occluder, r_N: Array, C_BN: Array, C_AN: Array, earth_N: Vector, sender: int
 ) -> int:
     """`Obstacle` on the way from a spacecraft, which tracks Earth, to Earth; arguments as of `closed_links`."""
     start, dish = vector(r_N, sender), (C_BN[sender, 2, 0], C_BN[sender, 2, 1], C_BN[sender, 2, 2])
@@ -216,14 +192,3 @@ def _within(direction: Vector, axis: Vector, half_angle: float) -> bool:
 @jittable
 def _length(v: Vector) -> float:
     return sqrt(dot(v, v))
-
-
-def within(direction: Array, axis: Array, half_angle: float) -> Mask:
-    """Whether directions (m, 3) lie within `half_angle` [rad] of axes (m, 3); a zero direction counts as inside."""
-    cross = np.linalg.norm(np.cross(direction, axis), axis=-1)
-    return np.arctan2(cross, np.einsum("...i,...i", direction, axis)) <= half_angle
-
-
-def unit(vectors: Array) -> Array:
-    """Vectors scaled to unit length along the last axis."""
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

@@ -4,11 +4,10 @@ Every operation here splits edges, never single faces: both faces of an edge get
 mesh stays closed and no pixel or ray can slip through a T-junction. Lengths are in metres; the frame is the mesh's own.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
 from swarm_mj.errors import MissionError
+from swarm_mj.smallbody.shape import directed_edges
 from swarm_mj.typing import Array, Indices, Ints, Ints32, Mask
 
 Vertices = Array
@@ -33,8 +32,13 @@ def cut_mesh(vertices: Vertices, faces: Faces, normals: Array) -> tuple[Vertices
     """
     parent = np.arange(len(faces))
     for normal in normals:
-        distance = plane_distance(vertices, normal)
-        vertices, faces, origin = _split_edges(vertices, faces, _crosses(distance), _crossing_point(distance))
+        distance, edges = plane_distance(vertices, normal), _edges(faces)
+        sign = np.sign(distance)
+        crossing = sign[edges[:, 0]] * sign[edges[:, 1]] < 0
+        start, end = edges[crossing].T
+        share = (distance[start] / (distance[start] - distance[end]))[:, None]
+        points = vertices[start] + share * (vertices[end] - vertices[start])
+        vertices, faces, origin = _split_edges(vertices, faces, edges, crossing, points)
         parent = parent[origin]
     return vertices, faces, parent
 
@@ -56,13 +60,15 @@ def refine_mesh(vertices: Vertices, faces: Faces, chosen: Mask, longest_edge: fl
     """
     parent = np.arange(len(faces))
     while True:
-        edges = _edges(faces[chosen[parent]]).reshape(-1, 2)
-        long = edges[np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) > longest_edge]
-        if not len(long):
+        edges = _edges(faces)
+        start, end = vertices[edges].swapaxes(0, 1)
+        long = (np.linalg.norm(start - end, axis=1) > longest_edge) & np.repeat(chosen[parent], 3)
+        if not long.any():
             return vertices, faces, parent
-        keys = np.unique(_edge_keys(long, len(vertices)))
-        marked = _is_one_of(keys, len(vertices))
-        vertices, faces, origin = _split_edges(vertices, faces, marked, _midpoint)
+        keys = _edge_keys(edges, len(vertices))
+        long = np.isin(keys, keys[long])  # the neighbours' sides of the same edges, too
+        points = 0.5 * (start[long] + end[long])
+        vertices, faces, origin = _split_edges(vertices, faces, edges, long, points)
         parent = parent[origin]
         if len(faces) > MAX_FACES:
             raise MissionError(
@@ -78,35 +84,9 @@ def plane_distance(points: Array, normal: Array) -> Array:
     return distance
 
 
-_EdgeTest = Callable[[Ints32], Mask]
-_EdgePoint = Callable[[Vertices, Ints32], Vertices]
-
-
-def _crosses(distance: Array) -> _EdgeTest:
-    sign = np.sign(distance)
-    return lambda edges: sign[edges[:, 0]] * sign[edges[:, 1]] < 0
-
-
-def _crossing_point(distance: Array) -> _EdgePoint:
-    def point(vertices: Vertices, edges: Ints32) -> Vertices:
-        start, end = edges.T
-        share = (distance[start] / (distance[start] - distance[end]))[:, None]
-        return vertices[start] + share * (vertices[end] - vertices[start])
-
-    return point
-
-
-def _is_one_of(keys: Ints, n_vertices: int) -> _EdgeTest:
-    return lambda edges: np.isin(_edge_keys(edges, n_vertices), keys)
-
-
-def _midpoint(vertices: Vertices, edges: Ints32) -> Vertices:
-    return 0.5 * (vertices[edges[:, 0]] + vertices[edges[:, 1]])
-
-
 def _edges(faces: Faces) -> Ints32:
-    """Edge k of a face runs from its vertex k to the next; shape (F, 3, 2), each edge with the lower index first."""
-    return np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2)
+    """Edge 3 f + k of face f runs from its vertex k to the next; shape (3 F, 2), each edge with the lower index first."""
+    return np.sort(directed_edges(faces), axis=1)
 
 
 def _edge_keys(edges: Ints32, n_vertices: int) -> Ints:
@@ -114,17 +94,15 @@ def _edge_keys(edges: Ints32, n_vertices: int) -> Ints:
 
 
 def _split_edges(
-    vertices: Vertices, faces: Faces, marked: _EdgeTest, point: _EdgePoint
+    vertices: Vertices, faces: Faces, edges: Ints32, chosen: Mask, points: Vertices
 ) -> tuple[Vertices, Faces, Indices]:
-    """Insert one vertex on each marked edge and split the faces at it; also returns the face each came from."""
-    edges = _edges(faces).reshape(-1, 2)
-    chosen = marked(edges)
+    """Insert one vertex on each chosen edge and split the faces at it; also returns the face each came from."""
     if not chosen.any():
         return vertices, faces, np.arange(len(faces))
     _, first, which = np.unique(_edge_keys(edges[chosen], len(vertices)), return_index=True, return_inverse=True)
     inserted = np.full(len(edges), -1, dtype=np.int32)
     inserted[chosen] = len(vertices) + which
-    vertices = np.vstack([vertices, point(vertices, edges[chosen][first])])
+    vertices = np.vstack([vertices, points[first]])
     return vertices, *_split_faces(vertices, faces, inserted.reshape(-1, 3))
 
 
@@ -133,10 +111,10 @@ def _split_faces(vertices: Vertices, faces: Faces, inserted: Faces) -> tuple[Fac
     count = (inserted >= 0).sum(axis=1)
     whole = np.flatnonzero(count == 0)
     pieces, origins = [faces[whole]], [whole]
-    for number, split in ((1, _split_at_one), (2, _split_at_two), (3, _split_at_three)):
+    for number in (1, 2, 3):
         index = np.flatnonzero(count == number)
-        parts = split(vertices, *_turned(faces[index], inserted[index]))
-        pieces += parts
+        parts = _pieces(vertices, *_turned(faces[index], inserted[index]), number)
+        pieces += [np.column_stack(part) for part in parts]
         origins += [index] * len(parts)
     face, origin = np.vstack(pieces), np.concatenate(origins)
     order = np.argsort(origin, kind="stable")
@@ -151,22 +129,14 @@ def _turned(faces: Faces, inserted: Faces) -> tuple[Faces, Faces]:
     return np.take_along_axis(faces, turn, axis=1), np.take_along_axis(inserted, turn, axis=1)
 
 
-def _split_at_one(vertices: Vertices, faces: Faces, inserted: Faces) -> list[Faces]:
-    a, b, c = faces.T
-    m = inserted[:, 0]
-    return [np.column_stack(t) for t in ((a, m, c), (m, b, c))]
-
-
-def _split_at_two(vertices: Vertices, faces: Faces, inserted: Faces) -> list[Faces]:
-    a, b, c = faces.T
-    m, n = inserted[:, 0], inserted[:, 1]
+def _pieces(vertices: Vertices, faces: Faces, inserted: Faces, number: int) -> tuple[tuple[Ints32, ...], ...]:
+    """Corners of the pieces of faces a b c with m between a and b, of two or three also n after b, of three also o after c."""
+    (a, b, c), (m, n, o) = faces.T, inserted.T
+    if number == 1:
+        return (a, m, c), (m, b, c)
+    if number == 3:
+        return (a, m, o), (m, b, n), (o, n, c), (m, n, o)
     # The corner b is cut off; the rest is the quadrilateral a m n c, split along its shorter diagonal.
     across = np.linalg.norm(vertices[a] - vertices[n], axis=1) <= np.linalg.norm(vertices[m] - vertices[c], axis=1)
     third, fourth = np.where(across, n, c), np.where(across, a, m)
-    return [np.column_stack(t) for t in ((m, b, n), (a, m, third), (fourth, n, c))]
-
-
-def _split_at_three(vertices: Vertices, faces: Faces, inserted: Faces) -> list[Faces]:
-    a, b, c = faces.T
-    m, n, o = inserted.T
-    return [np.column_stack(t) for t in ((a, m, o), (m, b, n), (o, n, c), (m, n, o))]
+    return (m, b, n), (a, m, third), (fourth, n, c)

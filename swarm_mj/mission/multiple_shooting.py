@@ -9,6 +9,7 @@ section 7.3.5). Each part bends little, so that the first guess need only go rou
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.trajectories import (
@@ -126,16 +127,9 @@ def _gaps(forces: AccelerationN, states: Array, destination: Array, times: Array
 def _solved(slopes: Array, gaps: Array) -> Array:
     """Newton's step, shape (parts, 6); the first place is given and the last velocity free."""
     parts = len(gaps)
-    matrix, right = np.zeros((6 * parts, 6 * parts)), gaps.ravel().copy()
-    for k in range(parts):
-        rows = slice(6 * k, 6 * k + 6)
-        matrix[rows, rows] = slopes[k]
-        if k + 1 < parts:
-            matrix[rows, 6 * k + 6 : 6 * k + 12] = -np.eye(6)
-    unknown = np.arange(3, 6 * parts)
-    asked = np.arange(6 * parts - 3)
+    matrix = block_diag(*slopes) - np.eye(6 * parts, k=6)
     step = np.zeros(6 * parts)
-    step[unknown] = np.linalg.solve(matrix[np.ix_(asked, unknown)], right[asked])
+    step[3:] = np.linalg.solve(matrix[:-3, 3:], gaps.ravel()[:-3])
     return step.reshape(parts, 6)
 
 

@@ -141,17 +141,11 @@ def _deep(shape: ShapeModel, path_A: Array, radius: float) -> bool:
 
 
 def _near_surface(shape: ShapeModel, r_A: Array) -> Mask:
-    """Which legs of the paths, shape (t - 1, n), may touch the surface.
-
-    No point of a triangle is farther from its nearest corner than its longest edge over the square root of 3; a leg whose
-    middle is farther from every vertex than that and half its length stays clear.
-    """
+    """Which legs of the paths, shape (t - 1, n), may touch the surface: not one whose middle keeps clear of all vertices."""
     middle, half = 0.5 * (r_A[:-1] + r_A[1:]), 0.5 * np.linalg.norm(np.diff(r_A, axis=0), axis=2)
-    edges = shape.vertices[shape.faces] - shape.vertices[np.roll(shape.faces, 1, axis=1)]
-    reach = np.linalg.norm(edges, axis=2).max() / np.sqrt(3.0)
     near = np.linalg.norm(middle, axis=2) <= shape.max_radius + half
     distance, _ = cKDTree(shape.vertices).query(middle[near])
-    near[near] = distance <= reach + half[near]
+    near[near] = distance <= shape.vertex_reach + half[near]
     return near
 
 

@@ -88,7 +88,7 @@ class LiveFlight:
         self._criterion = plan.scenario.observation
         self._schedule = schedule_from(plan.scenario, period)
         self._last = round(plan.scenario.duration_s / period)
-        self._beams, self._body = antennas_from(plan.scenario).beams, occluder_of(plan.shape)
+        self._beams, self._body = antennas_from(plan.scenario), occluder_of(plan.shape)
         self.restart()
 
     def restart(self) -> None:

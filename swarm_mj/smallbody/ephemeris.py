@@ -48,24 +48,12 @@ class Ephemeris:
         (r, v), (r_earth, v_earth) = (position_velocity(orbit, jd) for orbit in (self.orbit, self.earth_orbit))
         return r_earth - r, v_earth - v
 
-    def C_AN(self, jd: float, t_s: float = 0.0) -> Array:
-        """From components in N to components in A, shape (3, 3), `t_s` seconds after a Julian date (TDB)."""
-        return self.rotation.C_AN(jd, t_s)
-
-    @property
-    def spin_rate(self) -> float:
-        """Angular rate of the asteroid about its pole [rad/s]."""
-        return self.rotation.spin_rate
-
 
 def julian_date(epoch: str) -> float:
-    """Julian date (TDB) of a date and time.
+    """Julian date (TDB) of a date and time; double precision resolves 40 us.
 
     Args:
         epoch: ISO 8601 without time zone, read as TDB, e.g. `2018-01-15T00:00:00`.
-
-    Returns:
-        Julian date; double precision resolves 40 us.
 
     Raises:
         ScenarioError: not such a text.

@@ -7,7 +7,6 @@ and the speed follows for how long nothing can be hit.
 from __future__ import annotations
 
 from functools import cached_property
-from math import inf, sqrt
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -39,13 +38,6 @@ class ImpactWatch:
     def _tree(self) -> cKDTree:
         return cKDTree(self._shape.vertices)
 
-    @cached_property
-    def _reach(self) -> float:
-        """How far the surface can lie from its nearest vertex [m]: at most the longest edge over the square root of 3."""
-        vertices, faces = self._shape.vertices, self._shape.faces
-        edges = vertices[faces] - vertices[np.roll(faces, 1, axis=1)]
-        return float(np.linalg.norm(edges, axis=2).max() / sqrt(3.0))
-
     def reset(self) -> None:
         """Begin a flight."""
         self._before: Array | None = None
@@ -59,10 +51,7 @@ class ImpactWatch:
             r_BN_N: Positions now, shape (n, 3) [m].
             v_BN_N: Velocities, shape (n, 3) [m/s].
             a_N: Accelerations, shape (n, 3) [m/s^2].
-            flying: Which spacecraft are to be looked at, shape (n,).
-
-        Returns:
-            Shape (n,).
+            flying: Which spacecraft are to be looked at, shape (n,); the answer has that shape.
         """
         shape = self._shape
         r_A = r_BN_N @ self._environment.C_AN(tick * self._period).T
@@ -70,11 +59,10 @@ class ImpactWatch:
         if not flying.any():
             self.due = tick + 1_000_000
             return hit
-        before = self._before
-        if before is None:
+        if self._before is None:
             hit[flying] = points_inside(np.ascontiguousarray(r_A[flying]), shape.vertices, shape.faces)
         else:
-            start = np.ascontiguousarray(before[flying])
+            start = np.ascontiguousarray(self._before[flying])
             hit[flying] = segments_blocked(start, r_A[flying], shape.vertices, shape.faces, shape.max_radius)
         safe = self._safe_periods(r_A[flying], v_BN_N[flying], a_N[flying])
         self.due = tick + max(1, safe)
@@ -86,13 +74,10 @@ class ImpactWatch:
         """For how many periods no spacecraft can touch the surface."""
         outside = np.linalg.norm(r_A, axis=1) - self._shape.max_radius
         near, _ = self._tree.query(r_A)
-        clearance = np.maximum(outside, near - self._reach)
-        speed = _CAUTION * (
-            np.linalg.norm(v_N, axis=1) + abs(self._environment.spin_rate) * np.linalg.norm(r_A, axis=1)
-        )
-        pull = _CAUTION * np.linalg.norm(a_N, axis=1)
-        least = inf
-        for c, v, a in zip(clearance, speed, pull, strict=True):
-            # c = v t + a t^2 / 2, solved without cancellation.
-            least = min(least, 2.0 * c / (v + sqrt(v * v + 2.0 * a * c) + 1e-12) if c > 0.0 else 0.0)
-        return int(min(least / self._period, 1e6))
+        clearance = np.maximum(outside, near - self._shape.vertex_reach)
+        carried = abs(self._environment.spin_rate) * np.linalg.norm(r_A, axis=1)
+        v, a = _CAUTION * (np.linalg.norm(v_N, axis=1) + carried), _CAUTION * np.linalg.norm(a_N, axis=1)
+        # c = v t + a t^2 / 2, solved without cancellation.
+        c = np.maximum(clearance, 0.0)
+        safe_s = np.where(c > 0.0, 2.0 * c / (v + np.sqrt(v * v + 2.0 * a * c) + 1e-12), 0.0)
+        return int(min(np.fmin.reduce(safe_s, initial=np.inf) / self._period, 1e6))

@@ -8,7 +8,7 @@ otherwise by the end of the flight is refused.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
@@ -21,18 +21,6 @@ from swarm_mj.typing import Array
 MAX_WANDER: Final = 1e-4
 #: Frame whose axes N has.
 N: Final = "ECLIPJ2000"
-
-
-class UniformRotation(NamedTuple):
-    """Uniform rotation of the body.
-
-    Attributes:
-        C_AN: Rotation from N to A at the epoch, shape (3, 3).
-        spin_rate: About z of A [rad/s].
-    """
-
-    C_AN: Array
-    spin_rate: float
 
 
 class KernelEphemeris:
@@ -49,8 +37,8 @@ class KernelEphemeris:
         self.kernels, self.frame = tuple(kernels), frame
         self.body = body or str(BodyName.of(name).code)
 
-    def rotation(self, et: float, duration_s: float) -> UniformRotation:
-        """Rotation at an epoch, seconds of TDB past J2000.
+    def rotation(self, et: float, duration_s: float) -> tuple[Array, float]:
+        """C_AN at an epoch, seconds of TDB past J2000, shape (3, 3), and the rate of the rotation about z of A [rad/s].
 
         Raises:
             ScenarioError: The kernels do not say, or the body does not turn uniformly about z for `duration_s`.
@@ -73,7 +61,7 @@ class KernelEphemeris:
                 f"ephemerides.frame = {frame}: leaves a uniform rotation about its axis z by {wander:.2g} rad within "
                 f"duration_s = {duration_s:g}; at most {MAX_WANDER:g}: fly for less time, or set ephemerides.rotation: false"
             )
-        return UniformRotation(np.asarray(C_AN), rate)
+        return np.asarray(C_AN), rate
 
     def state_N(
         self,
@@ -115,6 +103,5 @@ class KernelEphemeris:
         with spice_errors(
             f"ephemerides.body = {self.body}", "give SPICE's name or number of the body, and its frame", ScenarioError
         ):
-            return str(
-                spice.cnmfrm(self.body)[1] if not self.body.lstrip("-").isdecimal() else spice.cidfrm(int(self.body))[1]
-            )
+            by_number = self.body.lstrip("-").isdecimal()
+            return str((spice.cidfrm(int(self.body)) if by_number else spice.cnmfrm(self.body))[1])

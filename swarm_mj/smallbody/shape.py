@@ -32,8 +32,8 @@ class ShapeModel:
 
     def __post_init__(self) -> None:
         """Copy the arrays and make them read-only."""
-        object.__setattr__(self, "vertices", _frozen(as_rows(self.vertices, np.float64, f"{self.name}: vertices")))
-        object.__setattr__(self, "faces", _frozen(as_rows(self.faces, np.int32, f"{self.name}: faces")))
+        object.__setattr__(self, "vertices", frozen(as_rows(self.vertices, np.float64, f"{self.name}: vertices")))
+        object.__setattr__(self, "faces", frozen(as_rows(self.faces, np.int32, f"{self.name}: faces")))
 
     @cached_property
     def _area_vectors(self) -> Array:
@@ -44,17 +44,17 @@ class ShapeModel:
     @cached_property
     def face_areas(self) -> Array:
         """Area of each face [m^2], shape (F,)."""
-        return _frozen(np.linalg.norm(self._area_vectors, axis=1))
+        return frozen(np.linalg.norm(self._area_vectors, axis=1))
 
     @cached_property
     def face_normals(self) -> Array:
         """Outward unit normal of each face in A, shape (F, 3)."""
-        return _frozen(self._area_vectors / self.face_areas[:, None])
+        return frozen(self._area_vectors / self.face_areas[:, None])
 
     @cached_property
     def face_centroids(self) -> Array:
         """Centroid of each face in A [m], shape (F, 3)."""
-        return _frozen(self.vertices[self.faces].mean(axis=1))
+        return frozen(self.vertices[self.faces].mean(axis=1))
 
     @cached_property
     def vertex_normals(self) -> Array:
@@ -62,12 +62,18 @@ class ShapeModel:
         normals = np.zeros_like(self.vertices)
         for corner in range(3):
             np.add.at(normals, self.faces[:, corner], self._area_vectors)
-        return _frozen(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+        return frozen(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
     @cached_property
     def edges(self) -> Ints32:
         """Unique undirected edges as vertex index pairs (low, high), sorted, shape (E, 2)."""
-        return _frozen(np.unique(np.sort(directed_edges(self.faces), axis=1), axis=0))
+        return frozen(np.unique(np.sort(directed_edges(self.faces), axis=1), axis=0))
+
+    @cached_property
+    def vertex_reach(self) -> float:
+        """How far the surface can lie from its nearest vertex [m]: at most the longest edge over the square root of 3."""
+        edges = self.vertices[self.faces] - self.vertices[np.roll(self.faces, 1, axis=1)]
+        return float(np.linalg.norm(edges, axis=2).max() / np.sqrt(3.0))
 
     @cached_property
     def surface_area(self) -> float:
@@ -90,7 +96,7 @@ class ShapeModel:
     def centroid(self) -> Array:
         """Centroid of the enclosed volume in A [m], shape (3,)."""
         apex, volumes, centroids = self._cones
-        return _frozen(apex + volumes @ (centroids - apex) / volumes.sum())
+        return frozen(apex + volumes @ (centroids - apex) / volumes.sum())
 
     @cached_property
     def max_radius(self) -> float:
@@ -121,6 +127,7 @@ def as_rows(values: ArrayLike, dtype: type[T], what: str) -> NDArray[T]:
     return rows
 
 
-def _frozen(array: NDArray[T]) -> NDArray[T]:
+def frozen(array: NDArray[T]) -> NDArray[T]:
+    """Make an array read-only and return it."""
     array.setflags(write=False)
     return array

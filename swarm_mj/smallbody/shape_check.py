@@ -15,12 +15,9 @@ from swarm_mj.errors import ShapeError
 from swarm_mj.smallbody.shape import ShapeModel, as_rows, directed_edges
 from swarm_mj.typing import Array, Ints
 
-#: Smallest body [m] believed without being told: most asteroids given in kilometres, read as metres, stay below it.
-MIN_BODY_RADIUS_M = 50.0
-#: Largest body [m] believed without being told: four times Ceres.
-MAX_BODY_RADIUS_M = 2.0e6
-#: Range of the largest vertex radius that is accepted by default [m].
-BODY_RADIUS_RANGE_M = (MIN_BODY_RADIUS_M, MAX_BODY_RADIUS_M)
+#: Largest vertex radii believed without being told [m]: most asteroids given in kilometres, read as metres, stay below the
+#: first; the second is four times Ceres.
+BODY_RADIUS_RANGE_M = (50.0, 2.0e6)
 #: Coordinates beyond this [m] are damage, not geometry; squared areas and volumes of larger ones would overflow.
 MAX_COORDINATE_M = 1e15
 #: Meshes of more faces are refused: far beyond what gravity and coverage can use, and checking them takes gigabytes.

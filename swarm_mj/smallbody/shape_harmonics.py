@@ -23,9 +23,6 @@ from swarm_mj.smallbody.shape_check import check_shape
 from swarm_mj.smallbody.shape_io import load_shape
 from swarm_mj.typing import Array
 
-NAME = "433 Eros"
-#: Semi-axes of the ellipsoid that the dimensionless radius scales [m].
-SEMI_AXES_M = (16_000.0, 8_000.0, 6_000.0)
 #: Subdivision of the mesh: 4,002 vertices, 8,000 faces, edges of about 600 m.
 FREQUENCY = 20
 #: Vertices are rounded to this many decimals of a metre, far below the fit, so that every build gives the same file.
@@ -50,13 +47,13 @@ class HarmonicShape(NamedTuple):
 
 #: Packaged bodies by the name that a scenario gives. The tables say which models they were fitted to, and how well.
 BODIES = {
-    "eros": HarmonicShape(NAME, "eros_shape_harmonics.csv", SEMI_AXES_M),
+    "eros": HarmonicShape("433 Eros", "eros_shape_harmonics.csv", (16_000.0, 8_000.0, 6_000.0)),
     "bennu": HarmonicShape("101955 Bennu", "bennu_shape_harmonics.csv", (280.0, 270.0, 250.0)),
     "itokawa": HarmonicShape("25143 Itokawa", "itokawa_shape_harmonics.csv", (280.0, 150.0, 120.0)),
 }
 
 
-def build_shape(body: str, frequency: int = FREQUENCY) -> ShapeModel:
+def build_shape(body: str = "eros", frequency: int = FREQUENCY) -> ShapeModel:
     """Build the mesh of a packaged body on the vertices of a geodesic icosahedron.
 
     Args:
@@ -75,11 +72,6 @@ def build_shape(body: str, frequency: int = FREQUENCY) -> ShapeModel:
     directions, faces = geodesic_icosahedron(frequency)
     rho = radius_factor(directions, read_harmonics(body))
     return check_shape(np.round(rho[:, None] * directions * about.semi_axes_m, DECIMALS) + 0.0, faces, about.name)
-
-
-def build_eros(frequency: int = FREQUENCY) -> ShapeModel:
-    """Build the mesh of Eros; args and errors as of `build_shape`."""
-    return build_shape("eros", frequency)
 
 
 def build_ellipsoid(semi_axes_m: tuple[float, float, float], name: str, frequency: int = FREQUENCY) -> ShapeModel:
@@ -105,8 +97,8 @@ def load_body(body: str) -> ShapeModel:
 
 
 def load_eros() -> ShapeModel:
-    """Read the packaged mesh of Eros (`assets/eros.obj`), which `build_eros` made."""
-    return load_shape(str(asset_path("eros.obj")), name=NAME)
+    """Read the packaged mesh of Eros (`assets/eros.obj`), which `build_shape` made."""
+    return load_shape(str(asset_path("eros.obj")), name=BODIES["eros"].name)
 
 
 def read_harmonics(body: str = "eros") -> Array:

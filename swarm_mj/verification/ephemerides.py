@@ -136,4 +136,4 @@ def rotation_error(bench: Bench) -> float:
     """Elements of C_AN over a day."""
     ephemeris = Ephemeris()
     times = np.linspace(0.0, DAY, 97)
-    return max(float(np.abs(ephemeris.C_AN(EPOCH_JD, t) - eros_attitude(t)).max()) for t in times)
+    return max(float(np.abs(ephemeris.rotation.C_AN(EPOCH_JD, t) - eros_attitude(t)).max()) for t in times)

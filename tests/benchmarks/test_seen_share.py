@@ -11,7 +11,7 @@ from swarm_mj.mission.target import build_target
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.faceid import FaceIdObserver
 from swarm_mj.observation.raycast import RayCastObserver
-from swarm_mj.smallbody.shape_harmonics import build_eros
+from swarm_mj.smallbody.shape_harmonics import build_shape
 
 sys.path.append(str(Path(__file__).parents[2]))  # the benchmarks are no part of the installed package
 
@@ -29,7 +29,7 @@ CAMERA = CameraModel(half_angle_deg=21.5, resolution_px=512)
 
 @pytest.fixture(scope="module")
 def shape():
-    return build_eros(8)
+    return build_shape("eros", 8)
 
 
 @pytest.fixture(scope="module")

@@ -52,7 +52,7 @@ def contacts(body, r_N, *, omnidirectional=True, mode=None, tracked=None, works=
     return find_contacts(
         edges_s,
         instants,
-        radios=Radios(antennas.beams, SWARM, EARTH),
+        radios=Radios(antennas, SWARM, EARTH),
         body=body,
         heard=EarthSchedule(np.full(m, station), np.full(m, 500.0)),
     )

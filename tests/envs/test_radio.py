@@ -59,7 +59,7 @@ def sent(
         hemispherical_boresight_B=np.array([0.0, 0.0, 1.0]),
         hemispherical_half_angle=np.pi,
         max_range=1e9,
-    ).beams
+    )
     # Earth goes from along x to along y in 1000 s.
     r, v, rates = np.array([1e11, 0.0, 0.0]), np.array([-1e8, 1e8, 0.0]), np.array(table)
     # One station for each step, in reach of any.

@@ -79,7 +79,7 @@ def test_what_is_in_the_way_is_named(ball):
         given = {"dish_half_angle": 0.1, "hemispherical_boresight_B": np.array([0.0, 0.0, 1.0])}
         antennas = Antennas(**given, hemispherical_half_angle=np.pi / 2, **{"max_range": 50e3, **changes})
         r_N, C_BN = np.array([r_relay, r_talker], float), np.array([along((1, 0, 0)), along(z_talker)])
-        return Obstacle(obstacle_between(antennas.beams, occluder_of(ball), r_N, C_BN, np.eye(3), 1, 0))
+        return Obstacle(obstacle_between(antennas, occluder_of(ball), r_N, C_BN, np.eye(3), 1, 0))
 
     assert named((30e3, 20e3, 0), (20e3, 20e3, 0), (-1, 0, 0)) is Obstacle.NONE
     assert named((30e3, 20e3, 0), (20e3, 20e3, 0), (0, 1, 0)) is Obstacle.BEAM

@@ -10,7 +10,7 @@ from swarm_mj.mission import deployment
 from swarm_mj.mission.safety import close_approaches, find_impacts, foreseen_impacts
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides, scenario_from
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.smallbody.shape_harmonics import build_eros
+from swarm_mj.smallbody.shape_harmonics import build_shape
 from swarm_mj.smallbody.shape_io import save_shape
 
 TIMES = np.arange(0.0, 101.0, 1.0)
@@ -146,7 +146,7 @@ def test_the_grace_time_after_deployment_is_left_out():
 
 def test_a_mission_that_hits_the_asteroid_is_refused_with_place_and_time(tmp_path):
     # A polyhedron's field is finite inside the body, so that a path through it exists; a coarse mesh makes it quick.
-    save_shape(build_eros(6), tmp_path / "coarse.obj")
+    save_shape(build_shape("eros", 6), tmp_path / "coarse.obj")
     through = [
         f"body.shape={tmp_path / 'coarse.obj'}",
         "body.gravity={model: polyhedron, parameters: {gm: 446275.472004}}",

@@ -15,14 +15,14 @@ from swarm_mj.mission.target import (
     local_axes,
 )
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.smallbody.shape_harmonics import build_eros
+from swarm_mj.smallbody.shape_harmonics import build_shape
 
 PAPER = dict(latitude_deg=0.0, longitude_deg=90.0, half_angle_deg=20.0)
 
 
 @cache
 def eros():
-    return build_eros()
+    return build_shape()
 
 
 @cache

@@ -9,14 +9,14 @@ from swarm_mj.mission.target import build_target
 from swarm_mj.observation.camera import look_at
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.smallbody.shape_harmonics import build_eros
+from swarm_mj.smallbody.shape_harmonics import build_shape
 
 from .oracle import Oracle, Patch, View, clip_to_pyramid, cone, square
 
 
 @cache
 def eros():
-    return build_eros()
+    return build_shape()
 
 
 @cache

@@ -25,10 +25,10 @@ from swarm_mj.errors import ObserverError
 from swarm_mj.mission.target import build_target
 from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.faceid import FaceIdObserver
-from swarm_mj.smallbody.shape_harmonics import build_eros
+from swarm_mj.smallbody.shape_harmonics import build_shape
 
 def make():
-    region = build_target(build_eros(), latitude_deg=0, longitude_deg=90, half_angle_deg=20, least_part=0.0)
+    region = build_target(build_shape(), latitude_deg=0, longitude_deg=90, half_angle_deg=20, least_part=0.0)
     return FaceIdObserver(region, CameraModel(resolution_px=256))
 
 def look(observer):

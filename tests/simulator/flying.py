@@ -14,7 +14,7 @@ from swarm_mj.simulator.batch import FlightBatch
 from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
-from swarm_mj.smallbody.shape_harmonics import build_eros
+from swarm_mj.smallbody.shape_harmonics import build_shape
 
 KERNEL = "physics.stepper=kernel"
 #: Everything that is drawn, and faults of every kind at instants on and between control periods.
@@ -47,7 +47,7 @@ def plan_of(name, *overrides):
 
 def near_polyhedron(plan):
     """The same plan in the field of a polyhedron."""
-    return replace(plan, environment=replace(plan.environment, gravity=Polyhedron(build_eros(6), gm=EROS_GM)))
+    return replace(plan, environment=replace(plan.environment, gravity=Polyhedron(build_shape("eros", 6), gm=EROS_GM)))
 
 
 def fly(plan, periods=0, **parts):

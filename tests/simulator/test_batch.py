@@ -21,7 +21,7 @@ from swarm_mj.simulator.state import Release
 from swarm_mj.smallbody.gravity.compiled import compiled_field, write_attraction
 from swarm_mj.smallbody.gravity.point_mass import PointMass
 from swarm_mj.smallbody.gravity.polyhedron import CELL_NUMBERS, Polyhedron
-from swarm_mj.smallbody.shape_harmonics import build_eros
+from swarm_mj.smallbody.shape_harmonics import build_shape
 from swarm_mj.spacecraft.control.compiled import CompiledLaw
 from swarm_mj.spacecraft.control.feedback import MrpFeedback
 from swarm_mj.spacecraft.control.sliding_mode import MrpSlidingMode
@@ -194,7 +194,7 @@ def test_gravity_in_python_pulls_as_the_compiled_field_does(gravity, stepper):
 
 @pytest.mark.parametrize("radii", [1.5, 15.9, 16.1, 20.0, 24.1, 1000.0])
 def test_fields_in_kernels_pull_as_in_python_near_and_far(radii):
-    body = Polyhedron(build_eros(6), gm=EROS_GM)
+    body = Polyhedron(build_shape("eros", 6), gm=EROS_GM)
     r_A = radii * body.shape.max_radius * np.array([[0.6, 0.0, 0.8], [-0.48, 0.64, -0.6]])
     for gravity in (body, PointMass(EROS_GM), body.far_field):
         field, found = compiled_field(gravity), np.full((2, 3), np.nan)

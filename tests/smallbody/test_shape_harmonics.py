@@ -9,7 +9,7 @@ from scipy.special import sph_harm_y
 from swarm_mj.errors import ShapeError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
-from swarm_mj.smallbody.shape_harmonics import SEMI_AXES_M, build_eros, load_eros, radius_factor, read_harmonics
+from swarm_mj.smallbody.shape_harmonics import BODIES, build_shape, load_eros, radius_factor, read_harmonics
 from swarm_mj.smallbody.shape_io import load_shape, save_shape
 
 NEAR_MODEL = Path(__file__).parents[3] / "shared" / "data" / "eros007790.tab"
@@ -54,7 +54,7 @@ def test_packaged_mesh_holds_51_vertices_in_the_target_pyramid(eros):
 
 def test_rebuilding_the_mesh_gives_the_packaged_bytes(tmp_path):
     for name in ("first.obj", "second.obj"):
-        save_shape(build_eros(), tmp_path / name)
+        save_shape(build_shape(), tmp_path / name)
         assert (tmp_path / name).read_bytes() == asset_path("eros.obj").read_bytes()
 
 
@@ -75,7 +75,7 @@ def test_radius_agrees_with_complex_spherical_harmonics():
 def test_harmonics_lie_within_12_metres_rms_of_the_near_plates():
     near = load_shape(NEAR_MODEL)
     distance = np.linalg.norm(near.face_centroids, axis=1)
-    scaled = near.face_centroids / SEMI_AXES_M
+    scaled = near.face_centroids / BODIES["eros"].semi_axes_m
     length = np.linalg.norm(scaled, axis=1)
     radial = distance * (radius_factor(scaled / length[:, None], read_harmonics()) / length - 1.0)
     across = radial * np.einsum("ij,ij->i", near.face_normals, near.face_centroids) / distance

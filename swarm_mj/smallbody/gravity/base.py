@@ -49,9 +49,3 @@ def positions(r_A: Array) -> Array:
     if rows.ndim != 2 or rows.shape[1] != 3:
         raise ValueError(f"positions must have shape (n, 3), got {rows.shape}")
     return rows
-
-
-def frozen(array: Array) -> Array:
-    """Make an array read-only and return it."""
-    array.setflags(write=False)
-    return array

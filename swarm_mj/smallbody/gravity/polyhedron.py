@@ -28,9 +28,9 @@ import numpy as np
 from swarm_mj.compilation import allocation_free, jittable, kernel
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.constants import GRAVITATIONAL_CONSTANT
-from swarm_mj.smallbody.gravity.base import frozen, positions, positive
+from swarm_mj.smallbody.gravity.base import positions, positive
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics, fit_harmonics
-from swarm_mj.smallbody.shape import ShapeModel, directed_edges
+from swarm_mj.smallbody.shape import ShapeModel, directed_edges, frozen
 from swarm_mj.smallbody.shape_check import check_surface
 from swarm_mj.smallbody.solid_angle import cast_rays, solid_angle, solid_angles
 from swarm_mj.typing import Array, Ints, Ints32
@@ -105,14 +105,13 @@ class Polyhedron:
             gm = positive(density, "gravity.density") * unit_gm
         elif gm is None or density is not None:
             raise ScenarioError("gravity of a polyhedron: give exactly one of density [kg/m^3] and gm [m^3/s^2]")
-        edges, dyads = _edge_dyads(shape)
-        edges.setflags(write=False)
+        edges, dyads = map(frozen, _edge_dyads(shape))
         object.__setattr__(self, "shape", shape)
         object.__setattr__(self, "gm", positive(gm, "gravity.gm"))
         object.__setattr__(self, "density", self.gm / unit_gm)
         object.__setattr__(self, "cell", 0.0)
         object.__setattr__(self, "_edges", edges)
-        object.__setattr__(self, "_edge_dyads", frozen(dyads))
+        object.__setattr__(self, "_edge_dyads", dyads)
 
     def acceleration(self, r_A: Array) -> Array:
         """Attraction in A [m/s^2], shape (n, 3), at positions in A [m], shape (n, 3)."""

@@ -21,7 +21,8 @@ import numpy as np
 from swarm_mj.compilation import kernel
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios import constants
-from swarm_mj.smallbody.gravity.base import frozen, positions, positive
+from swarm_mj.smallbody.gravity.base import positions, positive
+from swarm_mj.smallbody.shape import frozen
 from swarm_mj.typing import Array
 
 #: Highest degree accepted; far beyond what any small body's field was measured to.

@@ -8,7 +8,7 @@ import pytest
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios import constants
 from swarm_mj.smallbody.gravity import Gravity, PointMass, Polyhedron, SphericalHarmonics
-from swarm_mj.smallbody.shape_harmonics import build_eros
+from swarm_mj.smallbody.shape_harmonics import build_shape
 
 
 @pytest.fixture(scope="module")
@@ -16,7 +16,7 @@ def fields():
     return {
         "point mass": PointMass(constants.EROS_GM),
         "degree 2": SphericalHarmonics.eros_degree_2(),
-        "polyhedron": Polyhedron(build_eros(6), gm=constants.EROS_GM),
+        "polyhedron": Polyhedron(build_shape("eros", 6), gm=constants.EROS_GM),
     }
 
 

@@ -12,7 +12,7 @@ from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.gravity import PointMass, Polyhedron
 from swarm_mj.smallbody.gravity.polyhedron import CELL_NUMBERS, write_near_and_far
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.smallbody.shape_harmonics import build_eros
+from swarm_mj.smallbody.shape_harmonics import build_shape
 from swarm_mj.smallbody.solid_angle import points_inside
 
 DENSITY = 2500.0
@@ -43,7 +43,7 @@ def ball():
 
 @pytest.fixture(scope="module")
 def eros():
-    return Polyhedron(build_eros(8), gm=constants.EROS_GM)
+    return Polyhedron(build_shape("eros", 8), gm=constants.EROS_GM)
 
 
 def attraction_of_points(r_A, half=HALF, gm=None, order=12):
@@ -67,7 +67,7 @@ def test_attraction_is_exact_from_near_to_as_far_as_anybody_flies(cuboid, distan
 
 
 def test_far_attraction_is_that_of_a_point_at_the_centroid_of_thousands_of_faces():
-    eros = Polyhedron(build_eros(16), gm=constants.EROS_GM)
+    eros = Polyhedron(build_shape("eros", 16), gm=constants.EROS_GM)
     a, b, c = np.moveaxis(eros.shape.vertices[eros.shape.faces], 1, 0)
     volumes = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
     centroid = volumes @ (a + b + c) / 4.0 / volumes.sum()
@@ -295,4 +295,4 @@ def test_field_agrees_with_the_program_polyhedral_gravity(eros):
 
 def test_mesh_of_eros_needs_a_plausible_density():
     # NEAR measured 2,670 kg/m^3 +- 30 (Yeomans et al. 2000) with a volume of 2,503 +- 25 km^3.
-    assert Polyhedron(build_eros(), gm=constants.EROS_GM).density == pytest.approx(2670.0, abs=30.0)
+    assert Polyhedron(build_shape(), gm=constants.EROS_GM).density == pytest.approx(2670.0, abs=30.0)
