@@ -8,8 +8,7 @@ from swarm_mj.observation.capture import incidence
 from swarm_mj.scenarios.loading import load_scenario, packaged_names
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_body import HeliocentricOrbit, RotationState
-from swarm_mj.smallbody.ephemeris import DEFAULT_EPOCH
-from swarm_mj.smallbody.kepler import EROS_ORBIT
+from swarm_mj.smallbody.ephemeris import DEFAULT_EPOCH, EROS_ORBIT
 from swarm_mj.smallbody.occultation import segments_blocked
 from swarm_mj.smallbody.rotation import Rotation, sub_point
 

@@ -16,8 +16,7 @@ from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.faceid import MIN_INRADIUS_PX
 from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.projection import WHOLE_PICTURE, project
-from swarm_mj.observation.raycast import RayCastObserver
-from swarm_mj.observation.sampling import faces_camera
+from swarm_mj.observation.raycast import RayCastObserver, faces_camera
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Ints
 from swarm_mj.verification.polygons import visible_areas

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from swarm_mj.compilation import kernel
 from swarm_mj.mission.behaviors import TargetKind, Targets
+from swarm_mj.observation.camera import Motion
 from swarm_mj.observation.capture import Picture, causes, limits_of, pictures, pixels_on, sight, watching
-from swarm_mj.observation.cause import Cause
-from swarm_mj.observation.motion_blur import Motion
+from swarm_mj.observation.coverage import Cause
 from swarm_mj.typing import Array, Ints, Mask
 
 from ..batch_env import StepOutcome

@@ -18,8 +18,7 @@ from swarm_mj.flight.plan import make_plan
 from swarm_mj.flight.trajectory_corrections import CorrectionAnalysis, analyse_corrections
 from swarm_mj.io.atomic import atomic_file
 from swarm_mj.io.progress import Shown, Stages, using_bars
-from swarm_mj.mission.covariance import arrival_axes, sample_chance
-from swarm_mj.mission.dispersed import DispersedFlights, fly_dispersed
+from swarm_mj.mission.covariance import DispersedFlights, arrival_axes, fly_dispersed, sample_chance
 from swarm_mj.records.navigation import navigation_findings, navigation_rows, total_delta_v
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
 from swarm_mj.typing import Array

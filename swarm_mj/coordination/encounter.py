@@ -17,9 +17,8 @@ import numpy as np
 
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.camera import CameraModel, look_at
+from swarm_mj.observation.camera import CameraModel, CameraMotion, look_at
 from swarm_mj.observation.capture import keeps_limits, limits_of, observe, sight
-from swarm_mj.observation.motion_blur import CameraMotion
 from swarm_mj.observation.observer import Observer
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.spacecraft.control.base import ControlInput, Controller

@@ -24,8 +24,7 @@ from scipy.optimize import Bounds, LinearConstraint
 from scipy.sparse import coo_array, csr_array, eye_array, hstack, vstack
 
 from swarm_mj.compilation import kernel
-from swarm_mj.designer.bitset import Words, is_subset, pack
-from swarm_mj.designer.problem import CoverProblem
+from swarm_mj.designer.problem import CoverProblem, Words, is_subset, pack
 from swarm_mj.designer.repair import repair_designs
 from swarm_mj.errors import MissionError
 from swarm_mj.io import highs

@@ -12,8 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from swarm_mj.compilation import kernel
-from swarm_mj.designer.bitset import Words, add_to_layers, set_weight, stands_before, word_weight
-from swarm_mj.designer.problem import CoverProblem
+from swarm_mj.designer.problem import CoverProblem, Words, add_to_layers, set_weight, stands_before, word_weight
 from swarm_mj.typing import Array, Ints
 
 

@@ -42,12 +42,9 @@ def robust_points(scenario: Scenario) -> tuple[int, ...]:
 
 
 def most_shown(shown: Mask, area: Array, count: int) -> list[int]:
-    """Numbers of the candidates chosen one by one, each the one that adds most; the lowest of equal ones.
+    """Numbers of so many candidates chosen one by one, each the one that adds most; the lowest of equal ones.
 
-    Args:
-        shown: What each candidate shows, shape (candidates, cells).
-        area: Of the cells, shape (cells,) [m^2]; a cell counts `FOLD` times.
-        count: How many.
+    A cell counts `FOLD` times; what each candidate shows has shape (candidates, cells), the cells' areas (cells,) [m^2].
     """
     chosen: list[int] = []
     times = np.zeros(len(area), np.int64)

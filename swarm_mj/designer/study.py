@@ -22,7 +22,7 @@ from swarm_mj.designer.exact import ExactResult, Waiting, solve_budget, solve_ex
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.errors import MissionError
 from swarm_mj.io.interruption import held
-from swarm_mj.observation.cause import Cause
+from swarm_mj.observation.coverage import Cause
 from swarm_mj.scenarios.itinerary import target_name
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.figures.palette import AMBIENT, GROUND
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Indices, Mask
 

@@ -16,9 +16,8 @@ from swarm_mj.flight.observe import observer_from
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import links_closed
-from swarm_mj.observation.camera import look_at
+from swarm_mj.observation.camera import CameraMotion, look_at
 from swarm_mj.observation.capture import observe
-from swarm_mj.observation.motion_blur import CameraMotion
 from swarm_mj.smallbody.rotation import spin_dcm
 from swarm_mj.spacecraft.attitude.mrp import dcm
 

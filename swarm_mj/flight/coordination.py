@@ -21,8 +21,8 @@ from swarm_mj.flight.encounter_table import alone, encounter_of, together, track
 from swarm_mj.flight.observe import observer_from
 from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior, SwarmView, TargetKind, Targets
 from swarm_mj.mission.links import Obstacle
+from swarm_mj.observation.camera import Motion
 from swarm_mj.observation.capture import camera_poses, observe
-from swarm_mj.observation.motion_blur import Motion
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_swarm import Swarm
 from swarm_mj.simulator.telemetry import VARIABLES

@@ -9,8 +9,7 @@ from swarm_mj import plugins
 from swarm_mj.errors import ScenarioError, ShapeError
 from swarm_mj.scenarios.schema import Body, Scenario
 from swarm_mj.smallbody.environment import Environment, LinearMotion
-from swarm_mj.smallbody.ephemeris import Ephemeris, ephemeris_time, julian_date
-from swarm_mj.smallbody.kepler import OrbitalElements
+from swarm_mj.smallbody.ephemeris import Ephemeris, OrbitalElements, ephemeris_time, julian_date
 from swarm_mj.smallbody.kernel_ephemeris import KernelEphemeris
 from swarm_mj.smallbody.rotation import Rotation
 from swarm_mj.smallbody.shape import ShapeModel

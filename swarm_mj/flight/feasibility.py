@@ -19,9 +19,8 @@ from swarm_mj.mission.behaviors import AdaptableRoles, DedicatedCommunications
 from swarm_mj.mission.sweep import TargetSweep
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.mission.trajectories import Deployment, propagate
-from swarm_mj.observation.camera import look_at
+from swarm_mj.observation.camera import CameraMotion, look_at, motion_blur_px
 from swarm_mj.observation.capture import limits_of, sight
-from swarm_mj.observation.motion_blur import CameraMotion, motion_blur_px
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.slew import slew_time, turning_limits

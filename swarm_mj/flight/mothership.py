@@ -29,8 +29,7 @@ from swarm_mj.smallbody.conic import (
     state_of_hyperbola,
 )
 from swarm_mj.smallbody.environment import Environment
-from swarm_mj.smallbody.ephemeris import ephemeris_time
-from swarm_mj.smallbody.kepler import eccentric_anomaly
+from swarm_mj.smallbody.ephemeris import eccentric_anomaly, ephemeris_time
 from swarm_mj.smallbody.kernel_ephemeris import KernelEphemeris
 from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.smallbody.shape import ShapeModel

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.camera import CameraModel
+from swarm_mj.observation.camera import CameraModel, Motion, motion_blur_px
 from swarm_mj.observation.capture import (
     Picture,
     PictureSchedule,
@@ -27,9 +27,7 @@ from swarm_mj.observation.capture import (
     sight,
     watching,
 )
-from swarm_mj.observation.cause import Cause
-from swarm_mj.observation.coverage import CoverageMap, KeptPictures, Shown
-from swarm_mj.observation.motion_blur import Motion, motion_blur_px
+from swarm_mj.observation.coverage import Cause, CoverageMap, KeptPictures, Shown
 from swarm_mj.observation.observer import Observer, make_observer
 from swarm_mj.scenarios.itinerary import arrival_times
 from swarm_mj.scenarios.schema import Scenario

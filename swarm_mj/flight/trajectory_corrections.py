@@ -16,9 +16,8 @@ from scipy.interpolate import CubicSpline
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.plan import Plan
-from swarm_mj.mission.corrections import Legs, plan_legs
+from swarm_mj.mission.corrections import Legs, inverse, plan_legs, transitions
 from swarm_mj.mission.covariance import FlightErrors, Spread, spread
-from swarm_mj.mission.transition import inverse, transitions
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_propulsion import Thrusters
 from swarm_mj.simulator.faults.dispersions import Stream, stream

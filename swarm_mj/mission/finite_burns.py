@@ -32,13 +32,7 @@ class TimedBurn(NamedTuple):
 
 
 def propellant_for(speed: float, mass: float, exhaust_speed: float) -> float:
-    """Propellant that a change of velocity takes, by the rocket equation [kg].
-
-    Args:
-        speed: Change of velocity [m/s].
-        mass: Before it [kg].
-        exhaust_speed: [m/s].
-    """
+    """Propellant that a change of velocity [m/s] takes from some mass on, by the rocket equation [kg]."""
     return float(-mass * np.expm1(-speed / exhaust_speed))
 
 
@@ -48,13 +42,7 @@ def lasts(push: Push, speed: float, mass: float) -> float:
 
 
 def timed_burns(burns: Sequence[PlannedBurn], push: Push, mass: Array) -> list[list[TimedBurn]]:
-    """When each spacecraft burns, in order of time; burns of nothing are left out.
-
-    Args:
-        burns: What is planned.
-        push: By which it is flown.
-        mass: At the start, shape (n,) [kg].
-    """
+    """When each spacecraft burns, of some mass at the start, shape (n,) [kg]; in order of time, burns of nothing left out."""
     left = np.array(mass, float)
     found: list[list[TimedBurn]] = [[] for _ in left]
     for burn in sorted(burns, key=lambda burn: burn.t):

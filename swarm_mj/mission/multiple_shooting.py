@@ -12,12 +12,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from swarm_mj.errors import MissionError
-from swarm_mj.mission.trajectories import (
-    SHOOTING_TOLERANCE,
-    SHOOTING_TOLERANCE_M,
-    AccelerationN,
-    propagate,
-)
+from swarm_mj.mission.trajectories import SHOOTING_TOLERANCE, SHOOTING_TOLERANCE_M, AccelerationN, propagate
 from swarm_mj.typing import Array
 
 #: Numbers of parts that are tried in turn, and iterations with each.

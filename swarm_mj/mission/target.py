@@ -294,14 +294,10 @@ def automatic_cell_size(altitude_m: float, half_angle_deg: float) -> float:
 
 
 def check_visiting_points(shape: ShapeModel, points_A: Array) -> None:
-    """Make sure that every visiting point lies outside the body.
-
-    Args:
-        shape: The body in A [m].
-        points_A: Visiting points in A [m], shape (n_T, 3), in the order in which they are numbered from 1.
+    """Make sure that every visiting point in A, in order, shape (n_T, 3) [m], lies outside the body.
 
     Raises:
-        MissionError: A point is inside the body or on its surface; the message names the first one.
+        PathError: A point is inside the body or on its surface; the message names the first one.
     """
     below = points_inside(np.ascontiguousarray(points_A, dtype=np.float64), shape.vertices, shape.faces)
     buried = np.flatnonzero(below | ~np.isfinite(points_A).all(axis=1))

@@ -151,14 +151,7 @@ def propagate(
     """
     n = len(r0)
 
-    evaluations = count(1)
-
     def rhs(t: float, y: Array) -> Array:
-        if next(evaluations) > MAX_EVALUATIONS:
-            raise MissionError(
-                f"the trajectory cannot be integrated: after {MAX_EVALUATIONS} evaluations (MAX_EVALUATIONS) it has only "
-                f"come to t = {t:.6g} s; check body.gravity and the times of flight"
-            )
         if progress is not None:
             progress((t - times[0]) / (times[-1] - times[0]))
         r, v = y.reshape(2, n, 3)
@@ -166,11 +159,26 @@ def propagate(
 
     atol = np.repeat((1e-9, 1e-12), 3 * n)
     start = np.concatenate((np.ravel(r0), np.ravel(v0)))
-    solution = solve_ivp(rhs, (times[0], times[-1]), start, method="DOP853", t_eval=times, rtol=rtol, atol=atol)
+    states = integrate(rhs, start, times, rtol=rtol, atol=atol).reshape(len(times), 2, n, 3)
+    return states[:, 0], states[:, 1]
+
+
+def integrate(rhs: AccelerationN, start: Array, times: Array, *, rtol: float, atol: Array) -> Array:
+    """States at increasing times, shape (len(times), size), from the first on, by DOP853; errors as for `propagate`."""
+    evaluations = count(1)
+
+    def counted(t: float, y: Array) -> Array:
+        if next(evaluations) > MAX_EVALUATIONS:
+            raise MissionError(
+                f"the trajectory cannot be integrated: after {MAX_EVALUATIONS} evaluations (MAX_EVALUATIONS) it has only "
+                f"come to t = {t:.6g} s; check body.gravity and the times of flight"
+            )
+        return rhs(t, y)
+
+    solution = solve_ivp(counted, (times[0], times[-1]), start, method="DOP853", t_eval=times, rtol=rtol, atol=atol)
     if not solution.success or not np.isfinite(solution.y).all():
         raise MissionError(f"the trajectory cannot be integrated: {solution.message}")
-    states = solution.y.T.reshape(len(times), 2, n, 3)
-    return states[:, 0], states[:, 1]
+    return np.asarray(solution.y.T)
 
 
 def solve_transfers(

@@ -1,8 +1,17 @@
-"""The camera: its field of view and where its pictures fall.
+"""The camera: its field of view, where its pictures fall, and their motion blur.
 
 Camera frame C: z along the line of sight, x to the right and y down in the picture (right-handed). On a spacecraft the
 camera looks along the body's +z, and C is the body frame B. `C_CA` maps components in the body-fixed frame A into C;
 its rows are the camera's axes in A. Lengths are in metres.
+
+Motion blur is how far the image of each cell moves over the detector while a picture is exposed: to first order, the rate at
+which the image moves at the middle of the exposure times its length. A point at p in C moves in it with
+
+    dp/dt = -C_CA v - omega x p,
+
+where v is the camera's velocity and omega its angular velocity, both relative to the rotating body. The image (x / z, y / z)
+moves accordingly. That holds the whole motion: the flyby, the spin of the body, the commanded turn of the spacecraft and the
+rates by which it misses it.
 """
 
 from __future__ import annotations
@@ -16,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from swarm_mj.compilation import jittable
 from swarm_mj.errors import MissionError
+from swarm_mj.mission.target import TargetRegion
 from swarm_mj.typing import Array, Mask
 
 FieldOfView = Literal["square", "cone"]
@@ -152,3 +162,47 @@ def look_at(r_A: ArrayLike, aim_A: ArrayLike, *, roll: float = 0.0) -> CameraPos
     down = np.cross(forward, right)
     c, s = np.cos(roll), np.sin(roll)
     return CameraPose(position, np.array([c * right + s * down, c * down - s * right, forward]))
+
+
+class CameraMotion(NamedTuple):
+    """How a camera moves relative to the rotating body.
+
+    Attributes:
+        v_A: Velocity in A relative to A [m/s], shape (3,).
+        omega_C: Angular velocity of the camera relative to A, components in C [rad/s], shape (3,).
+    """
+
+    v_A: Array
+    omega_C: Array
+
+
+class Motion(NamedTuple):
+    """How spacecraft and the body move in N.
+
+    Attributes:
+        v_BN_N: Velocities [m/s], shape (n, 3).
+        omega_BN_B: Angular velocities of B relative to N, in B [rad/s], shape (n, 3).
+        spin_N: Angular velocity of A relative to N [rad/s], shape (3,).
+    """
+
+    v_BN_N: Array
+    omega_BN_B: Array
+    spin_N: Array
+
+    def of(self, j: int, r_N: Array, C_BN: Array, C_AN: Array) -> CameraMotion:
+        """The motion of the camera of spacecraft j at `r_N` [m], shape (3,); its frame is B."""
+        v_A = C_AN @ (self.v_BN_N[j] - np.cross(self.spin_N, r_N))
+        return CameraMotion(v_A, self.omega_BN_B[j] - C_BN @ self.spin_N)
+
+
+def motion_blur_px(region: TargetRegion, camera: CameraModel, r_A: Array, C_CA: Array, motion: CameraMotion) -> Array:
+    """Motion blur of every cell's centroid [px of the detector], shape (n,); infinite where it is not ahead of the camera.
+
+    Exposure and angle of a pixel are the camera's; `r_A` [m], shape (3,), and `C_CA`, shape (3, 3), are its pose.
+    """
+    p = (region.centroid_A - r_A) @ C_CA.T
+    p_dot = -(C_CA @ motion.v_A) - np.cross(motion.omega_C, p)
+    depth = np.where(p[:, 2] > 0.0, p[:, 2], np.nan)
+    image_dot = (p_dot[:, :2] - p[:, :2] * (p_dot[:, 2:] / depth[:, None])) / depth[:, None]
+    moved = camera.exposure_s * np.hypot(image_dot[:, 0], image_dot[:, 1]) / camera.pixel_angle
+    return np.where(np.isnan(depth), np.inf, moved)

@@ -23,12 +23,10 @@ from swarm_mj.compilation import jittable
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.behaviors import looks_at_body
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
-from swarm_mj.observation.cause import Cause
-from swarm_mj.observation.motion_blur import CameraMotion, Motion, motion_blur_px
+from swarm_mj.observation.camera import CameraModel, CameraMotion, CameraPose, Motion, camera_pose, motion_blur_px
+from swarm_mj.observation.coverage import Cause
 from swarm_mj.observation.observer import Observer
-from swarm_mj.observation.raytracing import RayTracer
-from swarm_mj.observation.sampling import barycentric_samples, sampled_fraction, shown_whole
+from swarm_mj.observation.raycast import RayTracer, barycentric_samples, sampled_fraction, shown_whole
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.spacecraft.attitude.algebra import dot, relative_dcm, times
 from swarm_mj.typing import Array, Ints, Mask
@@ -142,13 +140,7 @@ def pictures(
 
 
 def camera_poses(r_BN_N: Array, C_BN: Array, C_AN: Array) -> tuple[Array, Array]:
-    """Positions in A [m], shape (n, 3), and rotations C_CA from A to the camera frames, shape (n, 3, 3), of n cameras.
-
-    Args:
-        r_BN_N: Positions of the spacecraft [m], shape (n, 3).
-        C_BN: Rotations from N to B, shape (n, 3, 3); a camera's frame is B.
-        C_AN: Rotation from N to A, shape (3, 3).
-    """
+    """Positions in A [m], shape (n, 3), and rotations C_CA, shape (n, 3, 3), of cameras by those of spacecraft in N."""
     C_CA = np.empty(C_BN.shape)
     relative_dcm(C_BN.transpose(1, 2, 0), C_AN, C_CA.transpose(1, 2, 0))
     return np.column_stack(times(C_AN, r_BN_N.T)), C_CA
@@ -236,11 +228,7 @@ def sight(region: TargetRegion, r_A: Array, cells: Any = slice(None)) -> tuple[A
 
 
 def incidence(region: TargetRegion, sun_A: ArrayLike) -> Array:
-    """Angle between each cell's normal and the direction to the Sun [rad], shape (n,).
-
-    Args:
-        region: The target.
-        sun_A: Direction to the Sun in A, of any length, shape (3,).
+    """Angle between each cell's normal and the direction to the Sun in A, of any length, shape (3,) [rad], shape (n,).
 
     Raises:
         MissionError: The direction is not three finite numbers, or zero.
@@ -295,16 +283,9 @@ def lit_cells(observer: Observer, criterion: Observation, sun_A: ArrayLike) -> M
 
 
 def visible_share(observer: Observer, r_A: ArrayLike, C_CA: ArrayLike, *, whole: bool) -> Array:
-    """Visible share of every cell in a picture, shape (n,): the observer's, or by geometry where whole cells are asked for.
+    """Visible share of every cell in a picture, shape (n,), see `Observer.visible_fraction`.
 
-    Args:
-        observer: Who looks, at which target, through which camera.
-        r_A: Camera position in A [m], shape (3,).
-        C_CA: Rotation from A to the camera frame, shape (3, 3).
-        whole: Whether only whole cells count (`Observation.whole`); others then have a share of 0.
-
-    Raises:
-        MissionError: The pose is impossible.
+    Where only `whole` cells count (`Observation.whole`), geometry decides, and others have a share of 0.
     """
     if not whole:
         return observer.visible_fraction(r_A, C_CA)

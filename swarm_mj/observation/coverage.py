@@ -1,4 +1,4 @@
-"""What a swarm has observed so far, and the observed share of the target, P_TO.
+"""What a swarm has observed so far, the observed share of the target, P_TO, and why ground is not observed.
 
 AAS 19-144, equations 1 and 2: F_TO is the union over the swarm of the target faces each spacecraft observed, and
 P_TO = 100 A(F_TO) / A(F_T).
@@ -7,16 +7,56 @@ Of each cell that several pictures show, `KeptPictures` has the one by which it 
 sampling distance and light, holds for that picture, and the data of that picture are sent.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from swarm_mj.dataflow.tiles import grade
 from swarm_mj.errors import MissionError
 from swarm_mj.typing import Array, Indices, Ints, Mask
+
+
+class Cause(IntEnum):
+    """Why a cell does not count in a picture: the first condition that it does not fulfil, in this order, or none."""
+
+    NO_PICTURE = 0
+    OUT_OF_VIEW = 1
+    FACES_AWAY = 2
+    OBLIQUE = 3
+    COARSE = 4
+    BLURRED = 5
+    HIDDEN = 6
+    DARK = 7
+    CAMERA_OFF = 8
+    NONE = 9
+
+
+#: In words of a table.
+WORDS = {
+    Cause.NO_PICTURE: "no picture taken",
+    Cause.OUT_OF_VIEW: "out of view",
+    Cause.FACES_AWAY: "faces away",
+    Cause.OBLIQUE: "too oblique",
+    Cause.COARSE: "too coarse",
+    Cause.BLURRED: "blurred",
+    Cause.HIDDEN: "hidden",
+    Cause.DARK: "dark",
+    Cause.CAMERA_OFF: "camera off",
+}
+
+
+def shares(area: Array, why: NDArray[np.int8]) -> dict[Cause, float]:
+    """Shares of the target that are not observed [%] by cause, the largest first, of cells' areas and `Cause`, shape (n,)."""
+    share = 100.0 / area.sum() * np.bincount(why, area, len(Cause))
+    found = sorted((cause for cause in WORDS if share[cause] > 0.0), key=lambda cause: -share[cause])
+    return {cause: float(share[cause]) for cause in found}
+
 
 ROUND_OFF = 1e-6  # [0.01 %] error of a sum of areas, which is no unseen ground
 
@@ -50,12 +90,7 @@ class CoverageMap:
         self.first_seen_by_s = np.full((self.n_spacecraft, len(self.area)), np.nan)
 
     def add(self, t: float, spacecraft: int, seen: Mask) -> None:
-        """Add one picture, in any order of time.
-
-        Args:
-            t: Time of the picture [s].
-            spacecraft: Who took it, from 0.
-            seen: Cells observed in it, shape (n,).
+        """Add the picture of a spacecraft, from 0, and the cells observed in it, shape (n,), in any order of time [s].
 
         Raises:
             MissionError: The spacecraft or the number of cells does not fit.
@@ -185,11 +220,7 @@ class KeptPictures:
         ]
 
     def by_best(self, values: Array) -> Array:
-        """Of each cell what holds for the copy of the finest ground sampling distance in the swarm, shape (n,).
-
-        Args:
-            values: Of each copy, shape (N, n).
-        """
+        """Of values of each copy, shape (N, n), those of the finest ground sampling distance in the swarm, shape (n,)."""
         nobody = np.isnan(self.gsd_m).all(axis=0)
         finest = np.where(np.isnan(self.gsd_m), np.inf, self.gsd_m).argmin(axis=0)
         return np.where(nobody, np.nan, values[finest, np.arange(self.n_cells)])

@@ -12,7 +12,6 @@ A + P/2 + 1 pixels (Nosarzewska 1948), hence at least half of the expected A whe
 by rays instead; they are few, and are then neither lost nor counted for the pixels of their neighbours.
 """
 
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -21,11 +20,10 @@ from numpy.typing import ArrayLike, NDArray
 from swarm_mj.errors import ObserverError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
-from swarm_mj.observation.gl_faces import OpenGlFaces
+from swarm_mj.observation.gl_context import OpenGlFaces
 from swarm_mj.observation.projection import WHOLE_PICTURE, PictureWindow, project
 from swarm_mj.observation.raster import CompiledFaces, box_pixels, count_pixels
-from swarm_mj.observation.raytracing import RayTracer
-from swarm_mj.observation.sampling import faces_camera, sampled_fraction
+from swarm_mj.observation.raycast import MeshObserver, faces_camera, sampled_fraction
 from swarm_mj.typing import Array, Ints, Ints32, Mask
 
 Drawing = Literal["opengl", "compiled"]
@@ -39,7 +37,7 @@ MAX_BOX_PIXELS = 8.0
 SLIVER_SAMPLES = 16
 
 
-class FaceIdObserver:
+class FaceIdObserver(MeshObserver):
     """Share of each cell in view, by counting pixels of a face-ID buffer.
 
     Args:
@@ -71,11 +69,6 @@ class FaceIdObserver:
         draw = OpenGlFaces if drawing == "opengl" else CompiledFaces
         self._drawer: OpenGlFaces | CompiledFaces | None = draw(region.vertices, region.faces, camera)
         self.note = self._drawer.note + why
-
-    @cached_property
-    def tracer(self) -> RayTracer:
-        """Ray tracer over the region's mesh, built at first use."""
-        return RayTracer(self.region.vertices, self.region.faces)
 
     def visible_fraction(self, r_A: ArrayLike, C_CA: ArrayLike) -> Array:
         """Share of each cell in view, see `Observer.visible_fraction`."""

@@ -13,7 +13,6 @@ horizon counts, so that errors hide rather than show.
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -24,8 +23,7 @@ from swarm_mj.io import interruption
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, Optics, camera_pose, in_field_of_view
-from swarm_mj.observation.raytracing import RayTracer
-from swarm_mj.observation.sampling import barycentric_samples, hits_own_face
+from swarm_mj.observation.raycast import MeshObserver, barycentric_samples, hits_own_face
 from swarm_mj.smallbody.shape import directed_edges
 from swarm_mj.spacecraft.attitude.algebra import Vector, dot, vector
 from swarm_mj.typing import Array, Array32, Ints, Ints32, Mask
@@ -97,7 +95,7 @@ class HorizonMap:
         return Horizon(self.points, self.axes, self.sine, self.highest)
 
 
-class HorizonObserver:
+class HorizonObserver(MeshObserver):
     """Share of each cell in view, by horizon maps.
 
     Args:
@@ -122,11 +120,6 @@ class HorizonObserver:
         """Sample points of each cell."""
         return self.horizon.samples
 
-    @cached_property
-    def tracer(self) -> RayTracer:
-        """Ray tracer over the region's mesh, built at first use."""
-        return RayTracer(self.region.vertices, self.region.faces)
-
     def visible_fraction(self, r_A: ArrayLike, C_CA: ArrayLike) -> Array:
         """Share of each cell in view, see `Observer.visible_fraction`."""
         pose, maps = camera_pose(r_A, C_CA), self.horizon
@@ -145,17 +138,9 @@ class HorizonObserver:
         hit = self.tracer.first_hit(pose.r_A, self.horizon.points[doubtful] - pose.r_A)
         return hits_own_face(self.region, hit, np.nonzero(doubtful)[0])
 
-    def close(self) -> None:
-        """Nothing to release."""
-
 
 class _Skyline:
-    """What stands above planes of a triangle mesh, by azimuth.
-
-    Args:
-        vertices: Of the mesh in A, shape (V, 3) [m].
-        faces: Vertex indices, shape (F, 3).
-    """
+    """What stands above planes of a triangle mesh in A [m], by azimuth."""
 
     def __init__(self, vertices: Array, faces: Ints32) -> None:
         self._vertices, self._faces = vertices, faces
@@ -341,14 +326,9 @@ def look_at_cell(horizon: Horizon, camera: Sight, i: int, needed: int, answer: N
 
 @allocation_free
 def _stands_clear(axes: Array, way: Vector, height: float, sine: Array32, highest: float) -> bool:
-    """Whether a direction stands above a horizon; between two azimuths the higher one counts.
+    """Whether a direction of some height above 0 stands above a horizon; between two azimuths the higher one counts.
 
-    Args:
-        axes: Tangents and normal of the cell as rows, shape (3, 3).
-        way: The direction in A, of any length.
-        height: Its component along the normal, above 0.
-        sine: Sine of the horizon's elevation by azimuth, shape (azimuths + 1,).
-        highest: The largest of those, which spares the azimuth where the direction stands higher.
+    The highest sine of the horizon's elevation spares the azimuth where the direction stands higher.
     """
     length = np.sqrt(dot(way, way))
     if height > highest * length:

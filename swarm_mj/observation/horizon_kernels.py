@@ -17,7 +17,7 @@ from swarm_mj.observation.camera import Optics
 from swarm_mj.observation.capture import Limits, keeps_limits, limits_of, pixels_on, shows_enough
 from swarm_mj.observation.horizon import Horizon, HorizonObserver, Sight, look_at_cell
 from swarm_mj.scenarios.schema_imaging import Observation
-from swarm_mj.spacecraft.attitude.algebra import Vector, dot
+from swarm_mj.spacecraft.attitude.algebra import Vector, combine, dot
 from swarm_mj.typing import Array, Mask
 
 
@@ -25,7 +25,8 @@ class Scene(NamedTuple):
     """Target, horizon maps, camera and criterion.
 
     Attributes:
-        cells: A `Cell` a row, shape (C, 8).
+        cells: Of each the centroid in A [m], the unit normal, the radius of the ball about the centroid that holds it [m], and
+            its area [m^2], shape (C, 8).
         horizon: The maps.
         optics: The camera's field of view.
         radius: Of the body's bounding sphere [m].
@@ -39,22 +40,6 @@ class Scene(NamedTuple):
     radius: float
     limits: Limits
     samples: int
-
-
-class Cell(NamedTuple):
-    """A cell of the target.
-
-    Attributes:
-        centroid_A: [m].
-        normal_A: Unit vector.
-        radius: Of the ball about the centroid that holds the cell [m].
-        area: [m^2].
-    """
-
-    centroid_A: Vector
-    normal_A: Vector
-    radius: float
-    area: float
 
 
 def make_scene(observer: HorizonObserver, criterion: Observation) -> Scene:
@@ -106,10 +91,9 @@ def new_cells(
         new[i] = False
         if seen[i]:
             continue
-        cell = _cell(cells, i)
-        way = _difference(camera.r_A, cell.centroid_A)
-        height = dot(way, cell.normal_A)
-        if height <= 0.0 or _beside(camera, way, cell.radius):
+        way = combine(1.0, camera.r_A, -1.0, (cells[i, 0], cells[i, 1], cells[i, 2]))
+        height, radius, cell_area = dot(way, (cells[i, 3], cells[i, 4], cells[i, 5])), cells[i, 6], cells[i, 7]
+        if height <= 0.0 or _beside(camera, way, radius):
             continue
         distance = np.sqrt(dot(way, way))
         if not keeps_limits(limits, distance, height):
@@ -117,22 +101,11 @@ def new_cells(
         shown, blocked = look_at_cell(horizon, camera, i, needed, answer)
         if shown >= needed:
             new[i] = True
-            area += cell.area
-            pixels += pixels_on(limits, cell.area, distance, height)
+            area += cell_area
+            pixels += pixels_on(limits, cell_area, distance, height)
         elif camera.inside and shown + blocked >= needed:
             doubt = True
     return area, pixels, doubt
-
-
-@allocation_free
-def _cell(cells: Array, i: int) -> Cell:
-    centroid_A, normal_A = (cells[i, 0], cells[i, 1], cells[i, 2]), (cells[i, 3], cells[i, 4], cells[i, 5])
-    return Cell(centroid_A, normal_A, cells[i, 6], cells[i, 7])
-
-
-@allocation_free
-def _difference(a: Vector, b: Vector) -> Vector:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @allocation_free

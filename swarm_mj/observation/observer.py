@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from swarm_mj.errors import ObserverError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
-from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.typing import Array
 
 ObserverKind = Literal["auto", "faceid", "raster", "raycast", "horizon"]

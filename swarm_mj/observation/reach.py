@@ -23,7 +23,7 @@ from swarm_mj.observation.camera import Optics, in_field_of_view
 from swarm_mj.observation.capture import Limits, keeps_limits, limits_of
 from swarm_mj.observation.faceid import MIN_INRADIUS_PX
 from swarm_mj.observation.observer import Observer
-from swarm_mj.observation.sampling import barycentric_samples
+from swarm_mj.observation.raycast import barycentric_samples
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.spacecraft.attitude.algebra import times
 from swarm_mj.typing import Array, Mask
@@ -97,14 +97,9 @@ def cells_of(region: TargetRegion) -> Cells:
 
 @kernel
 def in_reach(cells: Cells, reach: Reach, r_A: Array, C_CA: Array, light: Mask) -> Mask:
-    """Which cells any of a camera's pictures might show, shape (n,).
+    """Which cells any of a camera's pictures might show, shape (n,), from `r_A` [m], shape (t, 3), and `C_CA`, shape (t, 3, 3).
 
-    Args:
-        cells: Of the target.
-        reach: How far pictures reach.
-        r_A: Positions of the camera in A [m], shape (t, 3).
-        C_CA: Rotations from A to C, shape (t, 3, 3).
-        light: Which cells are lit in each picture, shape (t, n), or (1, n) where it is the same in all.
+    Which cells are lit is given for each picture, shape (t, n), or (1, n) where it is the same in all.
     """
     found = np.zeros(len(cells.centroid), np.bool_)
     for k in range(len(r_A)):

@@ -8,8 +8,7 @@ import numpy as np
 
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.trajectory_corrections import CorrectionAnalysis, analyse_corrections
-from swarm_mj.mission.covariance import arrival_axes, length_mean, length_quantile, length_within
-from swarm_mj.mission.dispersed import draw_linear
+from swarm_mj.mission.covariance import arrival_axes, draw_linear, length_mean, length_quantile, length_within
 from swarm_mj.scenarios.constants import STANDARD_GRAVITY
 from swarm_mj.scenarios.itinerary import itinerary
 from swarm_mj.scenarios.schema_propulsion import Thrusters

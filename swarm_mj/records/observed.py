@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.observation.cause import WORDS, Cause, shares
+from swarm_mj.observation.coverage import WORDS, Cause, shares
 from swarm_mj.records.rounding import rounded
 from swarm_mj.typing import Array
 

@@ -20,7 +20,7 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.io.arrays import Declared, read_arrays
 from swarm_mj.io.atomic import write_text
 from swarm_mj.mission.links import Obstacle
-from swarm_mj.observation.cause import Cause
+from swarm_mj.observation.coverage import Cause
 from swarm_mj.scenarios.loading import design_record
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.telemetry import FARTHEST, REMEDY

@@ -15,9 +15,9 @@ from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.mission.links import closed_links
+from swarm_mj.observation.camera import Motion
 from swarm_mj.observation.capture import observe, pictures, watching
 from swarm_mj.observation.coverage import CoverageMap
-from swarm_mj.observation.motion_blur import Motion
 from swarm_mj.rendering.frame import Instant, Traffic
 from swarm_mj.rendering.replay import trail_points
 from swarm_mj.rendering.transfers import BEATS

@@ -16,7 +16,7 @@ from swarm_mj.flight.fly import asteroid_attitudes
 from swarm_mj.flight.observe import watching_in
 from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.observation.coverage import CoverageMap
-from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.records.modes import LOST
 from swarm_mj.records.passage import encounter
 from swarm_mj.records.run_record import RunRecord

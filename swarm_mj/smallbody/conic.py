@@ -14,7 +14,7 @@ from math import asinh, atan2, cosh, hypot, inf, sinh, sqrt
 import numpy as np
 
 from swarm_mj.errors import MissionError
-from swarm_mj.smallbody.kepler import perifocal_axes
+from swarm_mj.smallbody.ephemeris import perifocal_axes
 from swarm_mj.typing import Array
 
 #: Newton's method for the hyperbola ends below this relative change.
@@ -120,11 +120,7 @@ class ConicElements:
 
 
 def b_plane_axes(v_infinity: Array, pole: Array) -> tuple[Array, Array]:
-    """Unit vectors T and R of the B-plane.
-
-    Args:
-        v_infinity: Velocity on the incoming asymptote, shape (3,).
-        pole: Reference direction, shape (3,).
+    """Unit vectors T and R of the B-plane, by the velocity on the incoming asymptote and a pole, each of shape (3,).
 
     Raises:
         MissionError: The asymptote is parallel to the pole.
@@ -158,13 +154,7 @@ def state_of_hyperbola(flyby: Hyperbola) -> tuple[Array, Array]:
 
 
 def hyperbola_of_state(r: Array, v: Array, gm: float) -> Hyperbola | None:
-    """The flyby that a state belongs to; None where it is bound.
-
-    Args:
-        r: Position, shape (3,) [m].
-        v: Velocity, shape (3,) [m/s].
-        gm: Gravitational parameter [m^3/s^2], 0 or more.
-    """
+    """The flyby that a state [m, m/s] belongs to, each of shape (3,), by GM [m^3/s^2], 0 or more; None where it is bound."""
     distance = float(np.linalg.norm(r))
     square = float(v @ v) - 2.0 * gm / distance
     if not square > 0.0:

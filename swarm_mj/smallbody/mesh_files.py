@@ -95,11 +95,7 @@ def _is_count(*words: str) -> bool:
 
 
 def _logical_lines(path: Path, file: TextIO, continued: bool) -> Iterator[tuple[int, str]]:
-    """Lines with their numbers; where a backslash ends one and that has a meaning, with the next ones.
-
-    Raises:
-        ShapeError: One is too long.
-    """
+    """Lines with their numbers; where a backslash ends one and that has a meaning, with the next ones."""
     text, first = "", 1
     for number, line in enumerate(iter(lambda: file.readline(MAX_LINE_CHARACTERS + 1), ""), start=1):
         text, first = (text + line, first) if text else (line, number)
@@ -151,14 +147,7 @@ def read_stl(path: Path) -> tuple[Array, Ints]:
 
 
 def weld(corners: Array) -> tuple[Array, Ints]:
-    """Merge exactly equal corners.
-
-    Args:
-        corners: corners of the triangles, three after three, shape (3 F, 3).
-
-    Returns:
-        Vertices (V, 3) in the order they are first met, and triangles (F, 3).
-    """
+    """Merge equal corners (3 F, 3), three a triangle: vertices (V, 3) in the order they are first met, and triangles (F, 3)."""
     positive_zeros = corners + 0.0
     _, first, inverse = np.unique(positive_zeros, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)

@@ -87,18 +87,7 @@ def load_shape(
 def _check_unit(
     shape: ShapeModel, unit: Unit, believed_m: tuple[float, float], gm: float | None, *, told: bool
 ) -> None:
-    """See that a body was read in the unit that it is meant in.
-
-    Args:
-        shape: As it was read.
-        unit: In which.
-        believed_m: Lowest and highest believable largest radius [m].
-        gm: Of the body [m^3/s^2]; None: not known.
-        told: Whether the format or the file says that it is this unit.
-
-    Raises:
-        UnknownUnitError: It speaks for the other unit, or nothing speaks for either.
-    """
+    """See that a body was read in the unit that it is meant in; `told`: whether the format or the file says so."""
     other: Unit = "m" if unit == "km" else "km"
     larger = METRES[other] / METRES[unit]
     if gm is not None:

@@ -14,8 +14,7 @@ from swarm_mj.observation.faceid import Drawing, FaceIdObserver
 from swarm_mj.observation.gl_context import gl_available
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.observer import Observer
-from swarm_mj.observation.raycast import RayCastObserver
-from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.observation.raycast import RayCastObserver, RayTracer
 from swarm_mj.typing import Array
 from swarm_mj.verification.experiment import Bench, NotRun, experiment
 from swarm_mj.verification.flights import ball

@@ -9,8 +9,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from swarm_mj.scenarios.constants import AU, DAY, JD_J2000
-from swarm_mj.smallbody.ephemeris import Ephemeris, julian_date
-from swarm_mj.smallbody.kepler import EARTH_ORBIT, EROS_ORBIT, position_velocity
+from swarm_mj.smallbody.ephemeris import EARTH_ORBIT, EROS_ORBIT, Ephemeris, julian_date, position_velocity
 from swarm_mj.verification.experiment import Bench, experiment
 from swarm_mj.verification.reference import EPOCH_JD, ecliptic, eros_attitude
 

@@ -7,10 +7,9 @@ import pytest
 
 from swarm_mj.coordination.encounter import Track, aim_points, following, shown_cells
 from swarm_mj.mission.target import build_target
-from swarm_mj.observation.camera import CameraModel, look_at
+from swarm_mj.observation.camera import CameraModel, look_at, motion_blur_px
 from swarm_mj.observation.capture import observe
 from swarm_mj.observation.horizon import HorizonObserver
-from swarm_mj.observation.motion_blur import motion_blur_px
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.smallbody.shape_harmonics import build_ellipsoid
 

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from swarm_mj.designer.bitset import pack, set_weight, weight_table
-from swarm_mj.designer.problem import CoverProblem, gene_map
+from swarm_mj.designer.problem import CoverProblem, gene_map, pack, set_weight, weight_table
 from swarm_mj.designer.repair import refill_designs, repair_designs
 from swarm_mj.errors import MissionError
 

@@ -17,7 +17,7 @@ from swarm_mj.figures.maps import (
     whole_body,
 )
 from swarm_mj.observation.camera import CameraModel, look_at
-from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
 FRONT = MapExtent(west=-40.0, east=40.0, south=-40.0, north=40.0)

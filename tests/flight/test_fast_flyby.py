@@ -13,7 +13,7 @@ from swarm_mj.designer.candidates.visibility import imaging_model_from
 from swarm_mj.flight.fly import asteroid_attitudes, simulate
 from swarm_mj.flight.observe import camera_from, observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.observation.motion_blur import CameraMotion, motion_blur_px
+from swarm_mj.observation.camera import CameraMotion, motion_blur_px
 from swarm_mj.records.summary import summarise
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.spacecraft.attitude.mrp import dcm

@@ -15,7 +15,7 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import flight_pictures, observe_flight
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.observation.capture import incidence
-from swarm_mj.observation.cause import Cause
+from swarm_mj.observation.coverage import Cause
 from swarm_mj.scenarios.loading import load_scenario
 
 #: Half a rotation after the packaged epoch: the target lies in the night.

@@ -8,21 +8,21 @@ from scipy.stats import norm
 
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.mission.corrections import plan_legs
+from swarm_mj.mission.corrections import plan_legs, transitions
 from swarm_mj.mission.covariance import (
     FlightErrors,
     arrival_axes,
     burn_covariance,
     burnt,
+    draw_linear,
+    fly_dispersed,
     length_mean,
     length_quantile,
     length_within,
     sample_chance,
     spread,
 )
-from swarm_mj.mission.dispersed import draw_linear, fly_dispersed
 from swarm_mj.mission.trajectories import propagate
-from swarm_mj.mission.transition import transitions
 from swarm_mj.scenarios.loading import load_scenario
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.mission.corrections import gravity_gradient, inverse, transitions
 from swarm_mj.mission.trajectories import propagate
-from swarm_mj.mission.transition import gravity_gradient, inverse, transitions
 from swarm_mj.scenarios.loading import load_scenario
 from tests.relative_motion import clohessy_wiltshire
 

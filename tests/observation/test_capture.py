@@ -18,7 +18,7 @@ from swarm_mj.observation.capture import (
     takes_picture,
     watching,
 )
-from swarm_mj.observation.cause import Cause
+from swarm_mj.observation.coverage import Cause
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.horizon_kernels import make_scene
 from swarm_mj.observation.observer import make_observer

@@ -10,8 +10,7 @@ import pytest
 from swarm_mj.errors import MissionError, ObserverError
 from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.faceid import FaceIdObserver
-from swarm_mj.observation.raycast import RayCastObserver
-from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.observation.raycast import RayCastObserver, RayTracer
 
 from .scenes import (
     eros_target,

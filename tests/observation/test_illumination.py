@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.observation.capture import incidence, lit
-from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.observation.raycast import RayTracer
 
 from .scenes import eros_target, ground_with_plate, on_ground
 

@@ -5,11 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from swarm_mj.errors import MissionError, ScenarioError
-from swarm_mj.observation.camera import CameraModel, look_at
+from swarm_mj.observation.camera import CameraModel, CameraMotion, Motion, look_at, motion_blur_px
 from swarm_mj.observation.capture import observe, pictures
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.horizon_kernels import make_scene
-from swarm_mj.observation.motion_blur import CameraMotion, Motion, motion_blur_px
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.scenarios.loading import scenario_from
 

@@ -10,8 +10,7 @@ from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.faceid import FaceIdObserver
 from swarm_mj.observation.projection import WHOLE_PICTURE, PictureWindow, project
 from swarm_mj.observation.raster import CompiledFaces
-from swarm_mj.observation.raytracing import RayTracer
-from swarm_mj.observation.sampling import faces_camera, sampled_fraction
+from swarm_mj.observation.raycast import RayTracer, faces_camera, sampled_fraction
 
 from .scenes import eros_target, random_views
 

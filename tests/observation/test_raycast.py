@@ -3,9 +3,7 @@ import pytest
 
 from swarm_mj.errors import MissionError
 from swarm_mj.observation.camera import CameraModel, look_at
-from swarm_mj.observation.raycast import RayCastObserver
-from swarm_mj.observation.raytracing import RayTracer
-from swarm_mj.observation.sampling import barycentric_samples
+from swarm_mj.observation.raycast import RayCastObserver, RayTracer, barycentric_samples
 
 from .scenes import eros_target, exact_cell_shares, exact_seen_areas, ground_with_plate, on_ground, random_views
 

@@ -6,8 +6,7 @@ import trimesh
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.constants import AU, JD_J2000
-from swarm_mj.smallbody.ephemeris import DEFAULT_EPOCH, Ephemeris, julian_date
-from swarm_mj.smallbody.kepler import EROS_ORBIT, position_velocity
+from swarm_mj.smallbody.ephemeris import DEFAULT_EPOCH, EROS_ORBIT, Ephemeris, julian_date, position_velocity
 from swarm_mj.smallbody.rotation import Rotation, spin_dcm, sub_point
 from swarm_mj.smallbody.shape_harmonics import load_eros
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarm_mj.scenarios.constants import AU, DAY, GM_SUN, JD_J2000
-from swarm_mj.smallbody.kepler import EARTH_ORBIT, EROS_ORBIT, eccentric_anomaly, position_velocity
+from swarm_mj.smallbody.ephemeris import EARTH_ORBIT, EROS_ORBIT, eccentric_anomaly, position_velocity
 
 
 @given(M=st.floats(-np.pi, np.pi), e=st.floats(0.0, 1.0, exclude_max=True))

@@ -152,11 +152,7 @@ def _check_deployer(scenario: Scenario) -> None:
 
 
 def _require_known_velocity(scenario: Scenario, what: str) -> None:
-    """See that the mothership's path does not depend on who is chosen.
-
-    Raises:
-        MissionError: It does; the message says `what` follows from that.
-    """
+    """See that the mothership's path does not depend on who is chosen; else the error says `what` follows from that."""
     if scenario.mothership.way == "position_A_m" and scenario.mothership.velocity == "mean":
         raise MissionError(
             f"mothership.velocity = 'mean' depends on who is chosen, and {what}; give 'rest' or three components in N, or "
@@ -165,12 +161,7 @@ def _require_known_velocity(scenario: Scenario, what: str) -> None:
 
 
 def _reachable(scenario: Scenario, points: Sequence[int], progress: Progress | None) -> tuple[Plan, dict[int, str]]:
-    """A plan for all points that can be flown to, and why the others cannot.
-
-    Raises:
-        Unreachable: None can.
-        SwarmError: Something else is wrong.
-    """
+    """A plan for all points that can be flown to, and why the others cannot; `Unreachable` where none can."""
     left_out: dict[int, str] = {}
     first: MissionError | None = None  # it numbers spacecraft as points
     while True:

@@ -22,10 +22,9 @@ from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.io.machine import usable_cores
 from swarm_mj.io.workers import run_jobs
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.camera import CameraModel, CameraPose
+from swarm_mj.observation.camera import CameraModel, CameraMotion, CameraPose, motion_blur_px
 from swarm_mj.observation.capture import judge, lit_cells, visible_share
-from swarm_mj.observation.cause import Cause
-from swarm_mj.observation.motion_blur import CameraMotion, motion_blur_px
+from swarm_mj.observation.coverage import Cause
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
 from swarm_mj.observation.reach import cells_of, in_reach, reach_of
 from swarm_mj.scenarios.schema_imaging import Observation

@@ -228,13 +228,7 @@ def sum_series(r_A: Array, radius: float, table: Array, series: Array) -> Array:
 
 
 @kernel
-def write_series(
-    r_A: Array,
-    radius: float,
-    table: Array,
-    series: Array,
-    out: Array,
-) -> None:
+def write_series(r_A: Array, radius: float, table: Array, series: Array, out: Array) -> None:
     """The same into an array of the caller, order by order so that no scratch is needed."""
     size, count = series.shape[0], series.shape[2]
     for i in range(r_A.shape[0]):

@@ -5,9 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from swarm_mj.designer.candidates import thinning
-from swarm_mj.designer.candidates.thinning import Thinning
-from swarm_mj.designer.candidates.visibility import visibility
+from swarm_mj.designer.candidates.visibility import Thinning, visibility
 from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.designer.study import study_design
@@ -41,7 +39,7 @@ def thinned(sees, reach, **how):
 @pytest.mark.parametrize("fold", [1, 2, 3])
 @pytest.mark.parametrize("by_cost", [False, True])
 def test_the_fewest_and_the_cheapest_stay_whoever_is_left_out(monkeypatch, fold, by_cost):
-    monkeypatch.setattr(thinning, "FIRST_WAVE", 2)
+    monkeypatch.setattr("swarm_mj.designer.candidates.visibility.FIRST_WAVE", 2)
     rng, left_out, solved = np.random.default_rng(fold), 0, 0
     for _ in range(150):
         n, cells = rng.integers(4, 10), rng.integers(2, 7)
