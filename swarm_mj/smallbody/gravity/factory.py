@@ -16,7 +16,12 @@ from swarm_mj.smallbody.shape import ShapeModel
 
 
 def point_mass(shape: ShapeModel, *, gm: float = constants.EROS_GM) -> PointMass:
-    """Point mass at the centre of mass, of a gravitational parameter [m^3/s^2]."""
+    """Point mass at the centre of mass.
+
+    Args:
+        shape: Shape of the body; not used.
+        gm: Gravitational parameter [m^3/s^2].
+    """
     return PointMass(gm)
 
 
