@@ -9,7 +9,7 @@ import numpy as np
 from swarm_mj.flight.environment import epoch_state
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.capture import lit
-from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.rotation import spin_dcm
 
