@@ -1,19 +1,22 @@
 """Reinforcement-learning environments of swarm_mj; importing this registers them with gymnasium.
 
+`import swarm_mj` does so too where gymnasium is imported already, as it is when
+`gymnasium.make("swarm_mj:SwarmObserve-v0")` imports the module before the colon. Only a program that imports swarm_mj first and
+gymnasium later has to name `swarm_mj.envs`: gymnasium 1.x has no entry points, and nothing here waits for its import.
+
 The classes are imported when they are first used, so that the registration costs no more than gymnasium itself.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .registration import register_environments
+import gymnasium
 
 if TYPE_CHECKING:
     from .downlink.env import SwarmDownlinkEnv, SwarmDownlinkVectorEnv
     from .downlink.parallel import SwarmDownlinkParallelEnv
     from .observe.camera import CameraObservation
-    from .observe.parallel import SwarmObserveParallelEnv
-    from .observe.parallel_vector import SwarmObserveParallelVectorEnv
+    from .observe.parallel import SwarmObserveParallelEnv, SwarmObserveParallelVectorEnv
     from .observe.single import SwarmObserveEnv
     from .observe.vector import SwarmObserveVectorEnv
     from .pointing.env import SwarmPointingEnv, SwarmPointingVectorEnv
@@ -28,7 +31,7 @@ _HOMES = {
     "SwarmDownlinkVectorEnv": "downlink.env",
     "SwarmObserveEnv": "observe.single",
     "SwarmObserveParallelEnv": "observe.parallel",
-    "SwarmObserveParallelVectorEnv": "observe.parallel_vector",
+    "SwarmObserveParallelVectorEnv": "observe.parallel",
     "SwarmObserveSharedVecEnv": "training.sb3",
     "SwarmObserveVecEnv": "training.sb3",
     "SwarmObserveVectorEnv": "observe.vector",
@@ -36,6 +39,22 @@ _HOMES = {
     "SwarmPointingParallelEnv": "pointing.parallel",
     "SwarmPointingVecEnv": "training.sb3",
     "SwarmPointingVectorEnv": "pointing.env",
+}
+
+#: Environments by name, and where their classes are: the single one and the vector one.
+ENVIRONMENTS = {
+    "SwarmObserve-v0": (
+        "swarm_mj.envs.observe.single:SwarmObserveEnv",
+        "swarm_mj.envs.observe.vector:SwarmObserveVectorEnv",
+    ),
+    "SwarmDownlink-v0": (
+        "swarm_mj.envs.downlink.env:SwarmDownlinkEnv",
+        "swarm_mj.envs.downlink.env:SwarmDownlinkVectorEnv",
+    ),
+    "SwarmPointing-v0": (
+        "swarm_mj.envs.pointing.env:SwarmPointingEnv",
+        "swarm_mj.envs.pointing.env:SwarmPointingVectorEnv",
+    ),
 }
 
 __all__ = [
@@ -63,4 +82,6 @@ def __getattr__(name: str) -> Any:
     return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
 
 
-register_environments()
+for name, (entry_point, vector_entry_point) in ENVIRONMENTS.items():
+    if name not in gymnasium.registry:
+        gymnasium.register(id=name, entry_point=entry_point, vector_entry_point=vector_entry_point)

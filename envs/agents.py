@@ -13,7 +13,7 @@ from gymnasium.utils import seeding
 from swarm_mj.errors import ScenarioError
 
 from .arguments import check_action, checked_options, flight_seed
-from .snapshots import RebuiltOnCopy
+from .snapshots import OverBatch
 
 try:
     from pettingzoo import ParallelEnv
@@ -23,7 +23,7 @@ except ImportError as error:
 PerAgent = dict[str, Any]
 
 
-class SwarmParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
+class SwarmParallelEnv(OverBatch, ParallelEnv[str, Any, Any]):
     """Spacecraft as agents over a batch of episodes, see `batch_env`.
 
     Attributes:
@@ -34,7 +34,7 @@ class SwarmParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
     """
 
     metadata: ClassVar[dict[str, Any]]
-    _batch: Any = None
+    kept = ("action_spaces", "observation_spaces", "_random", "agents")
 
     def _set_up(self, batch: Any, agents: list[str], observation: spaces.Space[Any], action: spaces.Space[Any]) -> None:
         """Take the episodes, the names of the agents, and the spaces of each."""
@@ -43,17 +43,6 @@ class SwarmParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
         self.observation_spaces = dict.fromkeys(agents, observation)
         self.action_spaces = {agent: deepcopy(action) for agent in agents}
         self._random, self._begun = seeding.np_random()[0], False
-
-    @property
-    def batch(self) -> Any:
-        """The episodes.
-
-        Raises:
-            gymnasium.error.ClosedEnvironmentError: The environment was closed.
-        """
-        if self._batch is None:
-            raise gymnasium.error.ClosedEnvironmentError(f"{self.metadata['name']} was closed; make it anew")
-        return self._batch
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Of one agent, always the same object."""
@@ -82,9 +71,7 @@ class SwarmParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
             ScenarioError: An agent has no action, or there is an action of somebody unknown.
         """
         if not self.agents:
-            raise gymnasium.error.ResetNeeded(
-                f"{self.metadata['name']}: the episode is over or has not begun; call reset first"
-            )
+            raise gymnasium.error.ResetNeeded(f"{self.name}: the episode is over or has not begun; call reset first")
         # TorchRL gives actions of those who are no more, too.
         known = isinstance(actions, Mapping) and set(self.agents) <= set(actions) <= set(self.possible_agents)
         if not known:
@@ -99,20 +86,12 @@ class SwarmParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
 
     def close(self) -> None:
         """Release what the episodes hold; may be called again."""
-        if self._batch is not None:
-            self._batch.close()
-        self._batch, self.agents = None, []
+        self._release()
+        self.agents = []
 
-    @property
-    def _kept(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in ("action_spaces", "observation_spaces", "_random", "agents")}
+    def _flights(self) -> dict[int, Any]:
+        return {e: self._batch.get_state(e) for e in range(self._batch.count)} if self._begun else {}
 
-    def _saved(self) -> dict[str, Any]:
-        batch = self._batch if self._begun else None
-        return {"kept": self._kept, "states": [] if batch is None else [batch.get_state(e) for e in range(batch.count)]}
-
-    def _restore(self, saved: dict[str, Any]) -> None:
-        self.__dict__.update(saved["kept"])
-        for e, state in enumerate(saved["states"]):
-            self.batch.set_state(e, state)
-        self._begun = bool(saved["states"])
+    def _go_on(self, e: int, state: Any) -> None:
+        self._batch.set_state(e, state)
+        self._begun = True

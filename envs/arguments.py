@@ -13,6 +13,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.io.machine import available_bytes
 from swarm_mj.rendering.canvas import LEAST_SIDE, MOST_SIDE
 from swarm_mj.scenarios.schema import Scenario, is_multiple
 
@@ -22,16 +23,7 @@ Record = TypeVar("Record")
 
 
 def record_of(kind: type[Record], name: str, given: Mapping[str, Any]) -> Record:
-    """The record of an environment's arguments.
-
-    Args:
-        kind: A dataclass that checks them.
-        name: Of the environment, for the message.
-        given: As given, by name.
-
-    Raises:
-        ScenarioError: There is no argument of that name.
-    """
+    """The record of the arguments of an environment of that name, a dataclass that checks them; refuses unknown ones."""
     known = [item.name for item in fields(kind)]  # type: ignore[arg-type]
     for argument in given:
         if argument not in known:
@@ -77,26 +69,21 @@ def agent_names(prefix: Any, n: int) -> list[str]:
     return [f"{prefix}{j + 1}" for j in range(n)]
 
 
-def checked_count(name: str, value: Any, otherwise: str = "") -> int:
-    """A number of things, at least 1.
-
-    Args:
-        name: Of the argument.
-        value: As given.
-        otherwise: What else is allowed, for the message.
-    """
-    if not is_whole(value) or value < 1:
-        raise ScenarioError(f"{name} = {value!r}: must be a whole number of at least 1{otherwise}")
+def checked_whole(what: str, value: Any, low: int, high: float, must: str) -> int:
+    """A whole number within bounds; `must` tells of them, after "must be"."""
+    if not is_whole(value) or not low <= value <= high:
+        raise ScenarioError(f"{what} = {value!r}: must be {must}")
     return int(value)
+
+
+def checked_count(name: str, value: Any, otherwise: str = "") -> int:
+    """A number of things, at least 1; `otherwise` tells what else is allowed."""
+    return checked_whole(name, value, 1, np.inf, f"a whole number of at least 1{otherwise}")
 
 
 def checked_episodes(value: Any, most: int) -> int:
     """How many test episodes are flown: at least two, for an interval; None: all."""
-    if value is None:
-        return most
-    if not is_whole(value) or not 2 <= value <= most:
-        raise ScenarioError(f"episodes = {value!r}: must be from 2 to {most}")
-    return int(value)
+    return most if value is None else checked_whole("episodes", value, 2, most, f"from 2 to {most}")
 
 
 def checked_index(e: Any, count: int) -> int:
@@ -109,9 +96,7 @@ def checked_index(e: Any, count: int) -> int:
 def checked_size(name: str, value: Any) -> int:
     """Width or height of a picture [px]."""
     low, high = LEAST_SIDE, MOST_SIDE
-    if not is_whole(value) or not low <= value <= high:
-        raise ScenarioError(f"{name} = {value!r}: must be a whole number of pixels from {low} to {high}")
-    return int(value)
+    return checked_whole(name, value, low, high, f"a whole number of pixels from {low} to {high}")
 
 
 def checked_share(percent: float) -> float:
@@ -121,27 +106,15 @@ def checked_share(percent: float) -> float:
     return percent
 
 
-def checked_rate(name: str, value: Any, otherwise: str = "") -> float:
-    """A data rate, or data of a pixel.
-
-    Args:
-        name: Of the argument.
-        value: As given.
-        otherwise: What else is allowed, for the message.
-    """
+def checked_rate(name: str, value: Any) -> float:
+    """A positive number, such as a time or a data rate."""
     if not (is_number(value) and value > 0.0):
-        raise ScenarioError(f"{name} = {value!r}: must be a positive number{otherwise}")
+        raise ScenarioError(f"{name} = {value!r}: must be a positive number")
     return float(value)
 
 
 def checked_numbers(name: str, given: Any, names: Sequence[str]) -> dict[str, float]:
-    """A mapping from some of these names to numbers; None: of none.
-
-    Args:
-        name: Of the argument.
-        given: As given.
-        names: That are allowed.
-    """
+    """The argument of that name as a mapping from some of `names` to numbers; None: of none."""
     if given is not None and not isinstance(given, Mapping):
         raise ScenarioError(
             f"{name} = {given!r}: must be a mapping from names to numbers; there are {', '.join(names)}"
@@ -168,6 +141,16 @@ def checked_step(scenario: Scenario, step_s: float, name: str = "step_s") -> tup
             f"scenario's duration_s = {duration:g} s"
         )
     return round(step_s / period), round(duration / period)
+
+
+def refuse_more_than_fit(count: int, each: int) -> None:
+    """Refuse more episodes than memory holds, where each takes so much, an upper estimate [B]."""
+    free = available_bytes()
+    if free is not None and count * each > free:
+        raise ScenarioError(
+            f"num_envs = {count}: so many flights take about {count * each / 2**30:.1f} GiB, {each / 2**20:.2f} MiB each, and "
+            f"{free / 2**30:.1f} GiB are free; at most {free // each} fit here"
+        )
 
 
 def checked_truth(name: str, value: Any) -> bool:
@@ -200,21 +183,13 @@ def checked_options(options: Any) -> dict[str, Any]:
 
 
 def flight_seed(options: dict[str, Any] | None, drawn: int, others: Sequence[str] = ()) -> int:
-    """The seed that `reset` options ask for, else the one drawn.
-
-    Args:
-        options: Without those that somebody else has taken.
-        drawn: The seed where none is asked for.
-        others: Names of those, for the message.
-    """
+    """The seed that `reset` options ask for, else the one drawn; `others` are options that somebody else has taken."""
     given = checked_options(options)
     seed = given.pop("flight_seed", drawn)
     if given:
         allowed = ", ".join(["flight_seed", *others])
         raise ScenarioError(f"reset options {sorted(map(str, given))}: unknown; allowed: {allowed}")
-    if not is_whole(seed) or not 0 <= seed <= MAX_SEED:
-        raise ScenarioError(f"reset option flight_seed = {seed!r}: must be a whole number from 0 to {MAX_SEED}")
-    return int(seed)
+    return checked_whole("reset option flight_seed", seed, 0, MAX_SEED, f"a whole number from 0 to {MAX_SEED}")
 
 
 def flight_seeds(wanted: Any, count: int) -> list[Any]:

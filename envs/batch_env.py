@@ -15,8 +15,7 @@ A task's batch has
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -27,7 +26,6 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.io.progress import said_when_late
 from swarm_mj.typing import Array, Ints, Mask
 
 from .arguments import (
@@ -39,11 +37,9 @@ from .arguments import (
     flight_seed,
     flight_seeds,
 )
-from .snapshots import EpisodeSnapshot, RebuiltOnCopy, must_have_begun, restore_state, take_state
+from .snapshots import EpisodeSnapshot, OverBatch, must_have_begun, restore_state, take_state
 
 Infos = dict[str, Any]
-#: What takes long at first, in words; the times are those of `docs/how-to/environments.md`.
-FIRST_USE = "compiling, once on this machine, about a minute; each mission's tables, once, about a second"
 
 
 class StepOutcome(NamedTuple):
@@ -62,51 +58,10 @@ class StepOutcome(NamedTuple):
     truncated: Mask
 
 
-class _OverBatch(RebuiltOnCopy):
-    """What single and vector environments have in common."""
-
-    #: What messages call it, its reward terms, how an episode can end by itself, and options of `reset` besides `flight_seed`.
-    name: ClassVar[str]
-    terms: ClassVar[tuple[str, ...]]
-    ends: ClassVar[tuple[str, ...]] = ("",)
-    own_options: ClassVar[tuple[str, ...]] = ()
-    _batch: Any = None
-    _used: tuple[str, ...] = ()
-
-    @property
-    def batch(self) -> Any:
-        """The episodes.
-
-        Raises:
-            gymnasium.error.ClosedEnvironmentError: The environment was closed.
-        """
-        if self._batch is None:
-            raise gymnasium.error.ClosedEnvironmentError(f"{self.name} was closed; make it anew")
-        return self._batch
-
-    @property
-    def task(self) -> Any:
-        """What all episodes share."""
-        return self.batch.task
-
-    def _first_use(self, what: str) -> AbstractContextManager[None]:
-        """Says what a first call does, if that takes long."""
-        if what in self._used:
-            return nullcontext()
-        self._used = (*self._used, what)
-        return said_when_late(f"{self.name}: first {what}: {FIRST_USE}")
-
-    def _kept(self, *names: str) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in ("spec", "action_space", "observation_space", *names)}
-
-    def _close_batch(self) -> None:
-        if self._batch is not None:
-            self._batch.close()
-        self._batch = None
-
-
-class BatchEnv(_OverBatch, gymnasium.Env[Any, Any]):
+class BatchEnv(OverBatch, gymnasium.Env[Any, Any]):
     """One episode: a batch of one."""
+
+    kept = ("spec", "action_space", "observation_space", "_np_random", "_np_random_seed")
 
     def _set_up(self, batch: Any, action_space: spaces.Space[Any]) -> None:
         self._batch = batch
@@ -169,24 +124,23 @@ class BatchEnv(_OverBatch, gymnasium.Env[Any, Any]):
 
     def close(self) -> None:
         """Release what the episode holds; may be called again."""
-        self._close_batch()
+        self._release()
         self._running = False
 
     def _info(self) -> dict[str, Any]:
         return info_of(self.batch, 0)
 
-    def _saved(self) -> dict[str, Any]:
-        flight = self.get_state() if self._begun and self._batch is not None else None
-        return {"kept": self._kept("_np_random", "_np_random_seed"), "flight": flight}
+    def _flights(self) -> dict[int, EpisodeSnapshot]:
+        return {0: self.get_state()} if self._begun else {}
 
-    def _restore(self, saved: dict[str, Any]) -> None:
-        self.__dict__.update(saved["kept"])
-        if saved["flight"] is not None:
-            self.set_state(saved["flight"])
+    def _go_on(self, e: int, state: EpisodeSnapshot) -> None:
+        self.set_state(state)
 
 
-class BatchVectorEnv(_OverBatch, VectorEnv[Any, Any, Any]):
+class BatchVectorEnv(OverBatch, VectorEnv[Any, Any, Any]):
     """Many episodes, each with random numbers of its own, bit for bit those of `BatchEnv`; infos as arrays and their masks."""
+
+    kept = ("spec", "action_space", "observation_space", "single_action_space", "_random")
 
     def _set_up(
         self, batch: Any, mode: AutoresetMode, action_space: spaces.Space[Any], render_fps: int | None = None
@@ -307,19 +261,13 @@ class BatchVectorEnv(_OverBatch, VectorEnv[Any, Any, Any]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Release what the episodes hold."""
-        self._close_batch()
+        self._release()
 
-    def _saved(self) -> dict[str, Any]:
-        begun = np.flatnonzero(self._begun).tolist() if self._batch is not None else []
-        return {
-            "kept": self._kept("single_action_space", "_random"),
-            "flights": {e: self.get_state(e) for e in begun},
-        }
+    def _flights(self) -> dict[int, EpisodeSnapshot]:
+        return {e: self.get_state(e) for e in np.flatnonzero(self._begun).tolist()}
 
-    def _restore(self, saved: dict[str, Any]) -> None:
-        self.__dict__.update(saved["kept"])
-        for e, state in saved["flights"].items():
-            self.set_state(e, state)
+    def _go_on(self, e: int, state: EpisodeSnapshot) -> None:
+        self.set_state(e, state)
 
 
 def info_of(batch: Any, e: int) -> dict[str, Any]:

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.typing import Array, Array32, Ints
 
-from .batch import DownlinkBatch
-from .observations import PRODUCT, no_tables
+from .batch import PRODUCT, DownlinkBatch, no_tables
 from .slot import EARTH, IDLE, SWARM
 from .world import DownlinkTask
 
@@ -110,13 +109,7 @@ DOWNLINK_POLICIES: dict[str, DownlinkPolicy] = {"round robin": round_robin, "gre
 def fly_downlink(
     task: DownlinkTask, policy: DownlinkPolicy, seeds: Sequence[int], actions: list[Ints] | None = None
 ) -> tuple[Array, Array]:
-    """One episode from each flight seed.
-
-    Args:
-        task: The mission.
-        policy: Decides.
-        seeds: Flight seeds.
-        actions: Receives the choices of the last episode.
+    """One episode from each flight seed; `actions` receives the choices of the last one.
 
     Returns:
         Rewards and values delivered, each of shape (len(seeds),).

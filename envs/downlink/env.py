@@ -154,7 +154,6 @@ slew_J 200, slew_s 120, restart 0.2 |
     metadata: dict[str, Any] = {"render_modes": []}
 
     def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
-        self.made_of = arguments
         self.render_mode = checked_render_mode(render_mode, [])
         task = DownlinkTask(record_of(DownlinkConfig, NAME, arguments))
         self._set_up(DownlinkBatch(task, 1), choices_of(task))
@@ -187,7 +186,6 @@ class SwarmDownlinkVectorEnv(BatchVectorEnv):
         render_mode: str | None = None,
         **arguments: Any,
     ) -> None:
-        self.made_of = {"num_envs": num_envs, "autoreset_mode": autoreset_mode, **arguments}
         count, mode = vector_arguments(num_envs, autoreset_mode)
         self.render_mode = checked_render_mode(render_mode, [])
         task = DownlinkTask(record_of(DownlinkConfig, NAME, arguments))

@@ -15,10 +15,9 @@ from gymnasium import spaces
 from ..agents import PerAgent, SwarmParallelEnv
 from ..arguments import agent_names, record_of
 from ..batch_env import info_of, told_of_step
-from .batch import DOWNLINK_ENDS, DownlinkBatch
+from .batch import DOWNLINK_ENDS, DownlinkBatch, dict_space
 from .config import DownlinkConfig, DownlinkWeights
 from .env import NAME
-from .observations import dict_space
 from .world import DownlinkTask
 
 
@@ -35,17 +34,17 @@ class SwarmDownlinkParallelEnv(SwarmParallelEnv):
         arguments: Those of `SwarmDownlinkEnv`, except `observation`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"name": "swarm_downlink_v0", "render_modes": [], "is_parallelizable": True}
+    name, terms, ends = "swarm_downlink_v0", DownlinkWeights._fields, DOWNLINK_ENDS
+    metadata: ClassVar[dict[str, Any]] = {"name": name, "render_modes": [], "is_parallelizable": True}
     render_mode = None
 
     def __init__(self, *, agent_prefix: str = "sc", **arguments: Any) -> None:
-        self.made_of = {"agent_prefix": agent_prefix, **arguments}
-        self.task = DownlinkTask(record_of(DownlinkConfig, NAME, dict(observation="dict", **arguments)))
-        n, tables = self.task.n, dict(dict_space(self.task).spaces)
+        task = DownlinkTask(record_of(DownlinkConfig, NAME, dict(observation="dict", **arguments)))
+        n, tables = task.n, dict(dict_space(task).spaces)
         tables.pop("action_mask")
         own = {"action_mask": spaces.MultiBinary(n + 2), "agent": spaces.MultiBinary(n)}
         whole = spaces.Dict({"observation": spaces.Dict(tables), **own})
-        self._set_up(DownlinkBatch(self.task, 1), agent_names(agent_prefix, n), whole, spaces.Discrete(n + 2))
+        self._set_up(DownlinkBatch(task, 1), agent_names(agent_prefix, n), whole, spaces.Discrete(n + 2))
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[PerAgent, PerAgent]:
         """Start an episode; `options` may hold `flight_seed`, and others are ignored, as PettingZoo asks."""
@@ -59,7 +58,7 @@ class SwarmDownlinkParallelEnv(SwarmParallelEnv):
         result = batch.step(np.array([*actions.values()])[None])
         ended, truncated = bool(result.end[0]), bool(result.truncated[0])
         self.agents = [] if ended or truncated else flew
-        infos = self._infos(told_of_step(batch, result, 0, DownlinkWeights._fields, DOWNLINK_ENDS))
+        infos = self._infos(told_of_step(batch, result, 0, self.terms, self.ends))
         rewards, ends = dict.fromkeys(flew, float(result.reward[0])), dict.fromkeys(flew, ended)
         return self._observations(), rewards, ends, dict.fromkeys(flew, truncated), infos
 

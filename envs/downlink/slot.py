@@ -175,12 +175,8 @@ def fly_slot(
 ) -> None:
     """Fly the slot that begins, with what is not allowed taken as idle.
 
-    Args:
-        constants: See `DownlinkConstants`.
-        conditions: Of all episodes, each array with their number in front.
-        state: Brought up to the beginning of the next slot.
-        actions: Shape (E, n).
-        live: Which episodes, shape (E,).
+    `conditions` and `state`, brought up to the beginning of the next slot, are of all episodes; `live`, shape (E,), says which
+    fly. Actions are of shape (E, n).
     """
     n, products = actions.shape[1], state.hold.shape[2]
     choice, to, spare_J, time_share = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n)

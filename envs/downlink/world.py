@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.plan import Plan, antennas_from, make_plan
 from swarm_mj.flight.post_flight import turned
+from swarm_mj.io.cache import hash_of
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.scenarios.constants import AU, DAY
@@ -79,10 +79,7 @@ class Paths(NamedTuple):
 
 
 class DownlinkTask:
-    """One mission after its arrival; made once, never changed.
-
-    Args:
-        config: The environment's arguments.
+    """One mission after its arrival, by the environment's arguments; made once, never changed.
 
     Attributes:
         given: The scenario, overrides applied.
@@ -125,8 +122,7 @@ class DownlinkTask:
         config = self.config
         numbers = (config.step_s, config.horizon_s, config.products, config.storage_bit)
         rest = [*map(repr, (*numbers, config.powers, config.draws, config.weights))]
-        text = json.dumps([__version__, "downlink", self.given.model_dump(mode="json"), rest])
-        return hashlib.sha256(text.encode()).hexdigest()
+        return hash_of(json.dumps([__version__, "downlink", self.given.model_dump(mode="json"), rest]))
 
     def draw(self, rng: np.random.Generator) -> DownlinkConditions:
         """The conditions of an episode."""

@@ -82,11 +82,7 @@ def mission_names(split: str) -> list[str]:
 
 
 def chosen_missions(missions: Any, split: str) -> tuple[MissionSpec, ...]:
-    """The missions that an environment flies.
-
-    Args:
-        missions: Names; or how many, spread evenly over the places of the split; or "all" of them.
-        split: From which.
+    """The missions of a split that an environment flies: names; or how many, spread evenly over its places; or "all" of them.
 
     Raises:
         ScenarioError: A name is unknown or of the other split, or there are not so many.

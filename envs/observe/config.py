@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from math import isqrt
 from threading import Lock
@@ -16,11 +15,21 @@ from pydantic import ValidationError
 from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.plan import unchecked_behavior
+from swarm_mj.io.cache import hash_of
 from swarm_mj.observation.observer import ObserverKind
 from swarm_mj.scenarios.explaining import explained
 from swarm_mj.scenarios.schema import Scenario
 
-from ..arguments import checked_count, checked_numbers, checked_share, checked_step, checked_truth, is_number, is_whole
+from ..arguments import (
+    checked_count,
+    checked_numbers,
+    checked_share,
+    checked_step,
+    checked_truth,
+    checked_whole,
+    is_number,
+    is_whole,
+)
 from .catalogue import DEFAULT_COUNT, MissionSpec, chosen_missions
 from .draws import Randomisation
 from .flybys import DECISION_S, DURATION_S, PERIOD_S, check_patches
@@ -157,32 +166,18 @@ class EnvConfig:
     @cached_property
     def fingerprint(self) -> str:
         """Digest of all that must agree where the state of a flight is taken up."""
-        own = None if self.scenario is None else self._own.model_dump(mode="json")
-        rest = [
-            self.names,
-            own,
-            self.target,
-            sorted((self.dispersions or {}).items()),
-            self.sensors,
-            self.spacecraft,
-            self.patches,
-            self.candidates,
-            float(self.decision_s),
-            self.observer,
-            self.knowledge,
-            list(map(repr, self.weights)),
-        ]
-        text = json.dumps([__version__, rest, repr(self.complete), bool(self.horizon_terminates)])
-        return hashlib.sha256(text.encode()).hexdigest()
+        shown = ("split", "observation", "randomise")  # what an episode is, once drawn, does not depend on them
+        told = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in shown}
+        told |= {"missions": self.names, "max_spacecraft": self.spacecraft, "decision_s": float(self.decision_s)}
+        told |= {"dispersions": dict(self.dispersions or {}), "reward_weights": list(map(repr, self.weights))}
+        if self.scenario is not None:
+            told["scenario"] = self._own.model_dump(mode="json")
+        return hash_of(json.dumps([__version__, told], sort_keys=True, default=str))
 
     def make_mission(self, number: int) -> Mission:
         """One of the missions, by its number in `names`."""
-        shared: dict[str, Any] = {
-            "patches": self.patches,
-            "decision_s": float(self.decision_s),
-            "weights": self.weights,
-        }
-        shared |= {"complete": self.complete, "observer": self.observer}
+        shared: dict[str, Any] = {"patches": self.patches, "observer": self.observer, "complete": self.complete}
+        shared |= {"step_s": float(self.decision_s), "weights": self.weights}
         if self.scenario is not None:
             return make_own(self._own, target=self.target, **shared)
         shared |= {"dispersions": self.dispersions, "sensors": self.sensors}
@@ -190,10 +185,7 @@ class EnvConfig:
 
 
 class MissionPool:
-    """The missions of an environment, made when they are first flown; a mission once made stays.
-
-    Args:
-        config: Whose.
+    """The missions of an environment by number, made when they are first flown; a mission once made stays.
 
     Attributes:
         names: Of the missions, in their order.
@@ -222,23 +214,13 @@ class MissionPool:
 
 
 def checked_candidates(count: Any, patches: int) -> int | None:
-    """How many patches each spacecraft chooses among; None for all.
-
-    Args:
-        count: As given.
-        patches: Number of patches of a target.
-
-    Raises:
-        ScenarioError: There are not so many.
-    """
+    """How many of the patches of a target each spacecraft chooses among; None for all."""
     if count is None:
         return None
-    if not is_whole(count) or not 1 <= count <= patches:
-        raise ScenarioError(
-            f"candidates = {count!r}: must be a whole number, at least 1 and at most patches = {patches}, or None for all; "
-            "choose among fewer, or among all"
-        )
-    return int(count)
+    must = (
+        f"a whole number, at least 1 and at most patches = {patches}, or None for all; choose among fewer, or among all"
+    )
+    return checked_whole("candidates", count, 1, patches, must)
 
 
 def _check_square(count: Any) -> None:

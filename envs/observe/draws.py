@@ -138,10 +138,14 @@ class Randomisation:
             "attitude_mrp": np.nan,
             "rate_rad_s": np.nan,
         }
-        size = NAMES[name][0]
         if name.endswith("_time"):
             return _DEFAULTS[name]
-        return np.full(() if size == 0 else (self._most,) if size == 1 else (self._most, 3), planned.get(name, 0.0))
+        return np.full(self._shape(name), planned.get(name, 0.0))
+
+    def _shape(self, name: str) -> tuple[int, ...]:
+        """Of the values of a name."""
+        size = NAMES[name][0]
+        return (self._most, size)[: min(size, 2)]
 
     def _lay_out(self) -> None:
         """Give every name its columns of the uniform numbers, and gather what uniform distributions make of theirs."""
@@ -163,9 +167,7 @@ class Randomisation:
     def draw(self, seed: int, given: Mapping[str, Any] | None = None) -> EpisodeDraw:
         """The episode of a flight seed.
 
-        Args:
-            seed: Of the flight.
-            given: Values by name that take the place of what would be drawn: a number, or one for each spacecraft.
+        Values that are given by name, a number or one for each spacecraft, take the place of what would be drawn.
 
         Raises:
             ScenarioError: A name is unknown or a value is not allowed.
@@ -219,9 +221,7 @@ class Randomisation:
 
     def _fixed(self, name: str, value: Any, where: str) -> Array:
         """A given value as the array that is otherwise drawn."""
-        size = NAMES[name][0]
-        number = self._number(value, where) if name == "mission" else value
-        shape = () if size == 0 else (self._most,) if size == 1 else (self._most, 3)
+        number, shape = self._number(value, where) if name == "mission" else value, self._shape(name)
         array = np.asarray(number, np.float64) if _numeric(number) else np.full(0, np.nan)
         try:
             array = np.broadcast_to(array, shape).copy()
@@ -285,11 +285,9 @@ def quantiles(law: Any, u: Array) -> Array:
         return np.asarray(law.low * (law.high / law.low) ** u)
     if isinstance(law, Normal):
         return np.asarray(law.mean + law.std * ndtri(np.clip(u, EDGE, 1.0 - EDGE)))
-    if isinstance(law, Bernoulli):
-        return (u >= 1.0 - law.probability).astype(np.float64)
     if isinstance(law, Integer):
         return np.minimum(law.low + np.floor(u * law.count), law.high)
-    if isinstance(law, Choice):
+    if isinstance(law, (Bernoulli, Choice)):
         return np.array([law.draw(float(point)) for point in u], np.float64)
     assert isinstance(law, Continuous)
     return law.quantiles(u)

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Mask
 
-from ..arguments import checked_count
+from ..arguments import checked_count, refuse_more_than_fit
 from ..batch_env import StepOutcome
-from ..capacity import refuse_more_than_fit
 from .config import EnvConfig, MissionPool
 from .draws import EpisodeDraw
 from .flying import BATCH, Fleet
@@ -82,12 +81,7 @@ class Episodes(EpisodeState):
         return self.missions[self.mission[e]]
 
     def begin(self, e: int, seed: int, given: Mapping[str, Any] | None = None) -> None:
-        """Start episode e anew.
-
-        Args:
-            e: Which.
-            seed: Of the flight.
-            given: Values by name in the place of drawn ones.
+        """Start episode e anew from the seed of its flight, with values given by name in the place of drawn ones.
 
         Raises:
             ScenarioError: A name is unknown or a value not allowed, or the seed is kept for tests.
@@ -220,7 +214,7 @@ class Episodes(EpisodeState):
 
     def info(self, e: int) -> dict[str, Any]:
         """What every step tells of episode e."""
-        told = {name: _plain(rows[e]) for name, rows in self._facts().items()}
+        told = {name: rows[e].tolist() for name, rows in self._facts().items()}
         return told | {"action_mask": self.action_mask[e].copy()}
 
     def infos(self) -> dict[str, NDArray[Any]]:
@@ -297,8 +291,3 @@ class Episodes(EpisodeState):
 def box(*shape: int) -> spaces.Box:
     """Numbers as they stand in the tables."""
     return spaces.Box(-BOUND, BOUND, shape, np.float32)
-
-
-def _plain(value: Any) -> Any:
-    """A row as numbers and lists of Python's own."""
-    return np.asarray(value).tolist()

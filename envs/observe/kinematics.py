@@ -126,12 +126,7 @@ def update_rotations(
 ) -> None:
     """Work out C_AN, r_A and C_BN of the live flights, shape (E,), from time, positions and attitudes.
 
-    Args:
-        bodies: How they turn, by mission.
-        mission: Of each flight, shape (E,).
-        now: Read and written to.
-        live: Which flights, shape (E,).
-        finite: Receives which of them have a finite state, shape (E,).
+    `bodies` turn by mission, and `mission` is that of each flight, shape (E,); `finite`, shape (E,), tells whose state is.
     """
     for m in range(len(bodies)):
         body = bodies[m]

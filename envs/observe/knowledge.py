@@ -30,8 +30,7 @@ from .totals import no_totals
 class GraphKnowledge:
     """What the n spacecraft of one episode know: n beliefs about it, one a row.
 
-    Args:
-        episode: The state of an episode that has begun, the first of `EpisodeState`.
+    The episode is the first of the `EpisodeState` that is given, and has begun.
 
     Attributes:
         beliefs: How each believes all to stand.

@@ -6,14 +6,13 @@ Either takes the tables of E episodes by name, as `Episodes.entities` gives them
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.typing import Array32, Ints
 
-from .choices import GENERAL_COLUMNS, SPACECRAFT_COLUMNS
 from .tables import GENERAL, PAIRS, SPACECRAFT, Tables
 
 Observed = Mapping[str, NDArray[Any]]
@@ -21,6 +20,22 @@ Observed = Mapping[str, NDArray[Any]]
 FLAT_PATCHES = 2
 #: Columns of a candidate: those of the pair, and the unseen share of the patch.
 CANDIDATE = ("worth", "worth_next", "angle", "best", "others", "claimed", "unseen")
+#: Columns of the tables that a row of `choice_rows` holds; those of the spacecraft stand twice, of whom chooses and of whom it
+#: would relay to.
+OF_SPACECRAFT = (
+    *("alive", "camera", "downlink", "imaging", "relaying", "talking", "holding", "link", "stored", "earth_in_sight"),
+    *("attitude_error", "rate", "in_reach", "in_reach_next"),
+)
+OF_GENERAL = ("time_left", "seen", "delivered", "alive", "half_width", "picture", "turn", "heard")
+#: What sort of choice it is, one of them 1.
+KINDS = ("patch", "earth", "relay")
+OF_PATCH = 2
+#: Numbers of a row.
+CHOICE_SIZE = 2 * len(OF_SPACECRAFT) + len(OF_GENERAL) + len(KINDS) + len(PAIRS) + OF_PATCH
+
+#: Where they stand in the tables.
+SPACECRAFT_COLUMNS = [SPACECRAFT.index(name) for name in OF_SPACECRAFT]
+GENERAL_COLUMNS = [GENERAL.index(name) for name in OF_GENERAL]
 _PAIR = {name: k for k, name in enumerate(PAIRS)}
 _CANDIDATE_COLUMNS = [_PAIR[name] for name in CANDIDATE[:-1]]
 _ALIVE, _DOWNLINK = SPACECRAFT.index("alive"), SPACECRAFT.index("downlink")
@@ -54,8 +69,9 @@ class FlatLayout:
         self.size = sum(int(np.prod(shape)) for shape in shapes.values())
 
     def joined(self, parts: Observed) -> Array32:
-        """Parts of E episodes by name as rows, shape (E, F)."""
-        return np.concatenate([np.reshape(parts[name], (len(parts[name]), -1)) for name in self.shapes], axis=1)
+        """Parts of E episodes by name as rows, shape (E, F), of each part the first columns as they have a place here."""
+        rows = [parts[name][..., : shape[-1]] for name, shape in self.shapes.items()]
+        return np.concatenate([part.reshape(len(part), -1) for part in rows], axis=1)
 
     def split(self, flat: NDArray[np.floating]) -> dict[str, NDArray[np.floating]]:
         """The parts of E flat observations by name, shape (E, F); of one, shape (F,), with E = 1."""
@@ -68,36 +84,16 @@ class FlatLayout:
         return parts
 
 
-class Interface(Protocol):
-    """What stands between the tables and an agent.
-
-    Attributes:
-        layout: Of the flat observation.
-        choices: Choices of a spacecraft, C.
-    """
-
-    layout: FlatLayout
-    choices: int
-
-    def shown(self, observed: Observed) -> dict[str, NDArray[Any]]:
-        """The observation `entities`: parts of E episodes by name, with `alive` and `action_mask`, shape (E, n, C)."""
-        ...
-
-    def flat(self, observed: Observed) -> Array32:
-        """The observation `flat`, shape (E, F)."""
-        ...
-
-    def decoded(self, observed: Observed, chosen: NDArray[Any]) -> Ints:
-        """Choices, shape (E, n), as numbers among all patches, Earth and relays."""
-        ...
-
-
 class AllPatches:
-    """Choices are all K patches, Earth, and relays to each of n spacecraft; everything is shown.
+    """What stands between the tables and an agent: choices are all K patches, Earth, and relays to each of n spacecraft.
 
     Args:
         n: Most spacecraft.
         patches: Number of patches K.
+
+    Attributes:
+        layout: Of the flat observation.
+        choices: Choices of a spacecraft, C.
     """
 
     def __init__(self, n: int, patches: int) -> None:
@@ -106,19 +102,19 @@ class AllPatches:
         self.choices = patches + 1 + n
 
     def shown(self, observed: Observed) -> dict[str, NDArray[Any]]:
-        """The tables as they are."""
+        """The observation `entities`: parts of E episodes by name, with `alive` and `action_mask`, shape (E, n, C)."""
         return dict(observed)
 
     def flat(self, observed: Observed) -> Array32:
-        """See `Interface`."""
-        return self.layout.joined(dict(observed) | {"patches": observed["patches"][:, :, :FLAT_PATCHES]})
+        """The observation `flat`, shape (E, F)."""
+        return self.layout.joined(self.shown(observed))
 
     def decoded(self, observed: Observed, chosen: NDArray[Any]) -> Ints:
-        """They are numbers among all patches already."""
+        """Choices, shape (E, n), as numbers among all patches, Earth and relays."""
         return np.asarray(chosen, np.int64)
 
 
-class Candidates:
+class Candidates(AllPatches):
     """Choices of a spacecraft are the R patches that are worth most to it, the best first, and, last, to send what is aboard.
 
     A patch that is in reach half a decision ahead comes before one that will be a whole one later, and that before those that
@@ -136,7 +132,7 @@ class Candidates:
         self.layout, self.choices, self._count = FlatLayout(shapes), count + 1, count
 
     def shown(self, observed: Observed) -> dict[str, NDArray[Any]]:
-        """Spacecraft, candidates and general with the columns that `choices` names, see `CANDIDATE`."""
+        """Spacecraft, candidates and general with the columns `OF_SPACECRAFT` and `OF_GENERAL`, see `CANDIDATE`."""
         order, pairs = self._order(observed), observed["pairs"]
         unseen = np.broadcast_to(observed["patches"][:, None, :, :1], (*pairs.shape[:3], 1))
         columns = np.concatenate([pairs[..., _CANDIDATE_COLUMNS], unseen], axis=3)
@@ -150,12 +146,8 @@ class Candidates:
             "action_mask": np.concatenate([mask, np.ones_like(mask[:, :, :1])], axis=2),
         }
 
-    def flat(self, observed: Observed) -> Array32:
-        """See `Interface`."""
-        return self.layout.joined(self.shown(observed))
-
     def decoded(self, observed: Observed, chosen: NDArray[Any]) -> Ints:
-        """See `Interface`."""
+        """See `AllPatches`."""
         order, K = self._order(observed), observed["pairs"].shape[2]
         ranks = np.minimum(np.asarray(chosen, np.int64), self._count - 1)
         patch = np.take_along_axis(order, ranks[..., None], axis=2)[..., 0]
@@ -174,21 +166,49 @@ class Candidates:
         return np.argsort(-key, axis=2, kind="stable")[:, :, : self._count]
 
 
-def local_rows(shown: Observed) -> Array32:
-    """What each spacecraft is told of a team's observation, shape (E, n, L).
+def local_parts(shown: Observed) -> dict[str, NDArray[Any]]:
+    """What each spacecraft is told of a team's observation, parts of E episodes, by name, shape (E, n, ...).
 
     Its own rows of spacecraft and of pairs or candidates, the rows of the others in cyclic order, and what concerns all.
+    """
+    spacecraft, own = shown["spacecraft"], "pairs" if "pairs" in shown else "candidates"
+    n = spacecraft.shape[1]
+    others = (np.arange(n)[:, None] + 1 + np.arange(n - 1)) % n
+    parts = {"self": spacecraft, own: shown[own], "others": spacecraft[:, others]}
+    return parts | {name: shown[name][:, None].repeat(n, axis=1) for name in ("patches", "general") if name in shown}
+
+
+def local_rows(shown: Observed) -> Array32:
+    """The same as one row for each spacecraft, shape (E, n, L)."""
+    E, n = shown["spacecraft"].shape[:2]
+    return np.concatenate([part.reshape(E, n, -1) for part in local_parts(shown).values()], axis=2)
+
+
+def choice_rows(observed: Observed) -> Array32:
+    """What is known of every choice, shape (E, n, C, `CHOICE_SIZE`), for networks that judge choices one by one.
+
+    Zero is what does not belong to a choice of its kind. Places and directions are left out: what they mean for a choice is in
+    its worth, and nothing of the forty missions of training can be learnt by heart.
 
     Args:
-        shown: Parts of E episodes by name.
+        observed: Tables of E episodes by name, as the observation `entities` has them.
     """
-    spacecraft, own = shown["spacecraft"], shown["pairs" if "pairs" in shown else "candidates"]
-    E, n = spacecraft.shape[:2]
-    others = (np.arange(n)[:, None] + 1 + np.arange(n - 1)) % n
-    common = [shown[name].reshape(E, 1, -1).repeat(n, axis=1) for name in ("patches", "general") if name in shown]
-    return np.concatenate([spacecraft, own.reshape(E, n, -1), spacecraft[:, others].reshape(E, n, -1), *common], axis=2)
+    spacecraft, pairs = observed["spacecraft"][:, :, SPACECRAFT_COLUMNS], observed["pairs"]
+    E, n, K, width = pairs.shape
+    out = np.zeros((E, n, K + 1 + n, CHOICE_SIZE), np.float32)
+    each = spacecraft.shape[2]
+    own, general, kind, to, pair = np.cumsum([0, each, len(OF_GENERAL), len(KINDS), each])
+    out[..., own:general] = spacecraft[:, :, None]
+    out[..., general:kind] = observed["general"][:, None, None, GENERAL_COLUMNS]
+    out[:, :, :K, kind] = out[:, :, K, kind + 1] = out[:, :, K + 1 :, kind + 2] = 1.0
+    # To relay to oneself is to hold: nobody else is concerned.
+    others = ~np.eye(n, dtype=np.bool_)[None, :, :, None]
+    out[:, :, K + 1 :, to:pair] = np.where(others, spacecraft[:, None], 0.0)
+    out[:, :, :K, pair : pair + width] = pairs
+    out[:, :, :K, pair + width :] = observed["patches"][:, None, :, :OF_PATCH]
+    return out
 
 
-def make_interface(n: int, patches: int, candidates: int | None) -> Interface:
+def make_interface(n: int, patches: int, candidates: int | None) -> AllPatches:
     """By the environment's arguments of these names."""
     return AllPatches(n, patches) if candidates is None else Candidates(n, patches, candidates)

@@ -34,7 +34,7 @@ from swarm_mj.smallbody.occultation import occluder_of
 from swarm_mj.spacecraft.attitude.algebra import Vector, cross
 from swarm_mj.typing import Array, Mask
 
-from ..arguments import checked_step, refuse_extra_targets
+from ..arguments import refuse_extra_targets
 from .catalogue import MissionSpec
 from .draws import EpisodeDraw
 from .flybys import (
@@ -49,9 +49,8 @@ from .flybys import (
 )
 from .kinematics import BodyRotation
 from .patches import Patches, make_patches, make_sphere_patches
-from .pictures import PictureConstants
-from .radio import IntervalConstants, RadioConstants, radio_constants
-from .reach import cells_in_reach, cells_in_view, cells_passed
+from .pictures import PictureConstants, cells_in_reach, cells_in_view, cells_passed
+from .radio import RadioConstants, radio_constants
 from .rewards import RewardWeights
 from .tables import TableConstants
 
@@ -283,11 +282,6 @@ class Mission:
         return PictureConstants(self.plan.n_observers, float(self.bits_per_pixel), storage)
 
     @property
-    def interval(self) -> IntervalConstants:
-        """See `pass_interval`."""
-        return IntervalConstants(occluder_of(self.plan.shape), self.radio)
-
-    @property
     def tables(self) -> TableConstants:
         """See `write_tables`."""
         plan, patches, region, camera = self.plan, self.patches, self.plan.region, self.observer.camera
@@ -333,14 +327,15 @@ def make_flyby(
     *,
     spacecraft: int,
     patches: int,
-    decision_s: float,
-    weights: RewardWeights,
-    complete: float,
-    observer: ObserverKind = "horizon",
-    dispersions: Mapping[str, float] | None = None,
-    sensors: Any = "ideal",
+    observer: ObserverKind,
+    dispersions: Mapping[str, float] | None,
+    sensors: Any,
+    **told: Any,
 ) -> Mission:
-    """Work a flyby of the catalogue out, by arguments of `SwarmObserveEnv`; tables come from the cache if they are there."""
+    """Work a flyby of the catalogue out, by arguments of `SwarmObserveEnv`; tables come from the cache if they are there.
+
+    `told` are the attributes of the mission that the arguments say: `step_s`, `weights` and `complete`.
+    """
     data, altitude, half_width = flyby(spec, spacecraft, patches)
     scenario = load_scenario(data | {"dispersions": dict(dispersions or {}), "spacecraft": {"sensors": sensors}})
     pixel = 2.0 * tan(radians(scenario.camera.half_angle_deg)) / scenario.camera.resolution_px * altitude
@@ -354,13 +349,11 @@ def make_flyby(
         crossing_s=CROSSING_S,
         axes_A=np.ascontiguousarray(region.axes_A),
         centre_A=np.asarray(region.area @ region.centroid_A / region.total_area),
-        step_s=float(decision_s),
         bits_per_pixel=NOMINAL_BIT * (0.5 * pixel / half_width) ** 2,
         earth_bit_s=EARTH_BIT_S,
-        weights=weights,
-        complete=complete,
         radio=_radio(plan, EARTH_BIT_S, SWARM_BIT_S),
         v0_N=release_table(plan, altitude),
+        **told,
     )
 
 
@@ -376,24 +369,14 @@ def environment_scenario(given: Any) -> Scenario:
     return scenario.model_copy(update={"physics": physics})
 
 
-def make_own(
-    scenario: Scenario,
-    *,
-    target: Target,
-    patches: int,
-    decision_s: float,
-    weights: RewardWeights,
-    complete: float,
-    observer: ObserverKind = "horizon",
-) -> Mission:
+def make_own(scenario: Scenario, *, target: Target, patches: int, observer: ObserverKind, **told: Any) -> Mission:
     """Work a scenario of one's own out, see `environment_scenario`: path, frame, scales and links are those of its plan.
 
-    The other arguments are those of `SwarmObserveEnv`.
+    The other arguments are those of `SwarmObserveEnv`, and `told` that of `make_flyby`.
 
     Raises:
-        ScenarioError: The decision does not fit the scenario, or compiled code cannot fly it; the message says why.
+        ScenarioError: Compiled code cannot fly it; the message says why.
     """
-    checked_step(scenario, decision_s, "decision_s")
     plan, design = make_plan(scenario), scenario.design
     whole = target == "body"
     if whole:
@@ -411,13 +394,11 @@ def make_own(
         crossing_s=float(design.imaging_altitude_m * design.time_of_flight_s / plan.mothership_distance),
         axes_A=np.eye(3) if whole else np.ascontiguousarray(region.axes_A),
         centre_A=centre,
-        step_s=float(decision_s),
         bits_per_pixel=scenario.data.bits_per_pixel / scenario.data.compression,
         earth_bit_s=_fastest_to_earth(plan, radio),
-        weights=weights,
-        complete=complete,
         radio=radio,
         v0_N=None,
+        **told,
     )
 
 

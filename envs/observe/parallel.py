@@ -2,6 +2,8 @@
 
 from swarm_mj.envs.observe.parallel import swarm_observe_v0
 env = swarm_observe_v0.parallel_env(split="train")
+
+`SwarmObserveParallelVectorEnv` has the same interface with arrays over many episodes.
 """
 
 from __future__ import annotations
@@ -15,21 +17,21 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.io.progress import said_when_late
-from swarm_mj.typing import Array32, Pixels
+from swarm_mj.typing import Array32, Mask, Pixels
 
 from ..agents import PerAgent, SwarmParallelEnv
 from ..arguments import agent_names, checked_render_mode, record_of
-from ..batch_env import FIRST_USE, StepOutcome
+from ..batch_env import StepOutcome
 from ..snapshots import EpisodeSnapshot, must_have_begun, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import EnvConfig
 from .episodes import Episodes, box
 from .knowledge import GraphKnowledge
-from .layout import Observed, local_rows
+from .layout import Observed, local_parts, local_rows
 from .rendering import EpisodeRenderer
 from .rewards import no_result
 from .single import NAME
+from .vector import SwarmObserveVectorEnv
 
 
 class SwarmObserveParallelEnv(SwarmParallelEnv):
@@ -55,8 +57,9 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
         arguments: The others of `SwarmObserveEnv`.
     """
 
+    name = "swarm_observe_v0"
     metadata: ClassVar[dict[str, Any]] = {
-        "name": "swarm_observe_v0",
+        "name": name,
         "render_modes": ["rgb_array"],
         "render_fps": 10,
         "is_parallelizable": True,
@@ -72,8 +75,6 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
         **arguments: Any,
     ) -> None:
         arguments = {"knowledge": "graph"} | arguments
-        self.made_of = {"missions": missions, "split": split, "render_mode": render_mode, **arguments}
-        self.made_of["agent_prefix"] = agent_prefix
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
         self.config = record_of(EnvConfig, NAME, {"missions": missions, "split": split, **arguments})
         episodes = Episodes(self.config, 1)
@@ -87,7 +88,7 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[PerAgent, PerAgent]:
         """Start an episode; `options` may hold `flight_seed` and `draw`, and others are ignored, as PettingZoo asks."""
         chosen = self._draw(seed, options)
-        with said_when_late(f"{type(self).__name__}: first reset: {FIRST_USE}"):
+        with self._first_use("reset"):
             self.batch.reset({0: chosen}, (options or {}).get("draw"))
         if self.config.knowledge == "graph":
             self._knowledge = GraphKnowledge(self.batch)
@@ -111,7 +112,7 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
 
     def get_state(self) -> EpisodeSnapshot:
         """Where the flight stands, see `SwarmObserveEnv.get_state`."""
-        must_have_begun(self._begun, "get_state", "swarm_observe_v0")
+        must_have_begun(self._begun, "get_state", self.name)
         flying = tuple(self._number[agent] for agent in self.agents)
         known = None if self._knowledge is None else tuple(array.copy() for array in self._knowledge.arrays)
         state = take_state(self.batch, 0, running=bool(flying), random=self._random)
@@ -131,14 +132,11 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
         self.agents, self._begun = [self.possible_agents[j] for j in flying], True
         return self._observations()
 
-    def _saved(self) -> dict[str, Any]:
-        flight = self.get_state() if self._begun and self._batch is not None else None
-        return {"kept": self._kept, "flight": flight}
+    def _flights(self) -> dict[int, EpisodeSnapshot]:
+        return {0: self.get_state()} if self._begun else {}
 
-    def _restore(self, saved: dict[str, Any]) -> None:
-        self.__dict__.update(saved["kept"])
-        if saved["flight"] is not None:
-            self.set_state(saved["flight"])
+    def _go_on(self, e: int, state: EpisodeSnapshot) -> None:
+        self.set_state(state)
 
     def _joined(self, actions: PerAgent) -> NDArray[Any]:
         joined = np.zeros(self.batch.n, np.int64)
@@ -174,14 +172,8 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
     def render(self) -> Pixels | None:
         """The overview as a picture with `render_mode="rgb_array"`, see `SwarmObserveEnv.render`."""
         _ = self.batch
-        pictures = self._renderer.render(self.render_mode, self._begun, "swarm_observe_v0")
+        pictures = self._renderer.render(self.render_mode, self._begun, self.name)
         return None if pictures is None else pictures[0]
-
-    def close(self) -> None:
-        """Release observers and OpenGL context; may be called again."""
-        if self._batch is not None:
-            self._renderer.close()
-        super().close()
 
 
 def _step_info(result: StepOutcome) -> dict[str, Any]:
@@ -197,21 +189,13 @@ def _row(shown: Any, e: int) -> Any:
 def local_observations(episodes: Episodes, observed: Observed | None = None) -> list[Any]:
     """What each spacecraft is shown in every episode, arrays (E, ...) by name or one (E, L), copies.
 
-    Args:
-        episodes: Of an environment.
-        observed: Tables by name; None: those of the episodes.
+    Tables by name take the place of those of the episodes where they are given.
     """
-    shown, n = episodes.interface.shown(episodes.entities() if observed is None else observed), episodes.n
+    shown = episodes.interface.shown(episodes.entities() if observed is None else observed)
     if episodes.config.observation == "flat":
         return list(local_rows(shown).transpose(1, 0, 2).copy())
-    own = "pairs" if "pairs" in shown else "candidates"
-    found = []
-    for j in range(n):
-        others = shown["spacecraft"][:, (j + 1 + np.arange(n - 1)) % n]
-        parts = {"self": shown["spacecraft"][:, j], own: shown[own][:, j], "others": others}
-        parts |= {name: shown[name].copy() for name in ("patches", "general") if name in shown}
-        found.append(parts | {"action_mask": shown["action_mask"][:, j]})
-    return found
+    parts = local_parts(shown) | {"action_mask": shown["action_mask"]}
+    return [{name: part[:, j].copy() for name, part in parts.items()} for j in range(episodes.n)]
 
 
 def local_space(episodes: Episodes) -> spaces.Space[Any]:
@@ -221,6 +205,119 @@ def local_space(episodes: Episodes) -> spaces.Space[Any]:
         return box(shown.shape[1])
     found: dict[str, spaces.Space[Any]] = {name: box(*part.shape[1:]) for name, part in shown.items()}
     return spaces.Dict(found | {"action_mask": spaces.MultiBinary(episodes.choices)})
+
+
+class SwarmObserveParallelVectorEnv:
+    """E episodes of `SwarmObserve-v0`; every one is bit for bit one of `SwarmObserveParallelEnv`.
+
+    What a multi-agent environment takes and gives by agent is here an array over the episodes, with the number of the episode
+    in front. Agents are never taken out of `agents`, for each flies in some episode: `flying[e, j]` says whether the j-th still
+    does in episode e. Of who does not, actions are ignored and nothing ends; its rewards and observations mean nothing. An
+    episode in which all have ended is started anew by the next call of `step`, which ignores its actions and gives reward 0, as
+    gymnasium's vector environments do by default. Infos are those of the vector environment, of episodes and not of agents,
+    with `action_mask`, shape (E, n, C). With `observation="entities"` the observation of an agent is a dict of arrays over the
+    episodes.
+
+    Args:
+        num_envs: Number of episodes E.
+        threads: Most that are used; None for the cores that this process may use.
+        agent_prefix: What stands before the numbers of the agents.
+        arguments: Those of `SwarmObserveEnv`, except `width` and `height`; `render` shows what `vector` draws.
+
+    Attributes:
+        num_envs: Number of episodes E.
+        possible_agents: Names, in gene order.
+        agents: The same.
+        flying: Who flies, shape (E, n).
+        vector: All spacecraft of an episode as one agent; `get_state`, `set_state` and what else it offers serve here, too.
+    """
+
+    def __init__(
+        self, num_envs: int = 1, *, threads: int | None = None, agent_prefix: str = "sc", **arguments: Any
+    ) -> None:
+        self.vector = SwarmObserveVectorEnv(num_envs, threads=threads, **arguments)
+        episodes, self.num_envs = self.vector.batch, num_envs
+        self.possible_agents = agent_names(agent_prefix, episodes.n)
+        self.agents = list(self.possible_agents)
+        self._action_space = {agent: spaces.Discrete(episodes.choices) for agent in self.agents}
+        self._observation_space = {agent: local_space(episodes) for agent in self.agents}
+        self.flying: Mask = np.zeros((num_envs, episodes.n), np.bool_)
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Of one agent in one episode."""
+        return self._observation_space[agent]
+
+    def state(self) -> Array32:
+        """The flat observations of `SwarmObserveEnv`, for critics that see it all, shape (E, F)."""
+        flat: Array32 = self.vector.batch.flat()
+        return flat
+
+    def _lost(self) -> Mask:
+        return np.logical_not(self.vector.batch.infos()["alive"])
+
+    def _local(self) -> PerAgent:
+        return dict(zip(self.agents, local_observations(self.vector.batch), strict=True))
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Of one agent in one flight."""
+        return self._action_space[agent]
+
+    def reset(
+        self, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[PerAgent, dict[str, Any]]:
+        """Start all flights, or those of `options["reset_mask"]`, see the `reset` of `vector`."""
+        _, infos = self.vector.reset(seed=seed, options=options)
+        begun = infos["_flight_seed"]
+        self.flying[begun] = ~self._lost()[begun]
+        return self._local(), infos
+
+    def step(self, actions: PerAgent) -> tuple[PerAgent, PerAgent, PerAgent, PerAgent, dict[str, Any]]:
+        """Fly on for one step.
+
+        Args:
+            actions: Of every agent, shape (E, ...) of its `action_space`.
+
+        Returns:
+            Observations (E, F), rewards (E,), terminations (E,) and truncations (E,) by agent, and infos.
+
+        Raises:
+            gymnasium.error.InvalidAction: An action does not lie in its space.
+            ScenarioError: An agent has no actions, or there are actions of somebody else.
+        """
+        flew = self.flying.copy()
+        _, reward, ended, truncated, infos = self.vector.step(self._joined(actions))
+        began = infos.get("_flight_seed", np.zeros(self.num_envs, np.bool_))
+        flew[began] = ~self._lost()[began]
+        over = ended[:, None] | (self._lost() & ~began[:, None])
+        terminations, truncations = flew & over, flew & truncated[:, None] & ~over
+        self.flying = flew & ~(terminations | truncations)
+        by_agent = {agent: j for j, agent in enumerate(self.agents)}
+        return (
+            self._local(),
+            {agent: reward.copy() for agent in self.agents},
+            {agent: terminations[:, j] for agent, j in by_agent.items()},
+            {agent: truncations[:, j] for agent, j in by_agent.items()},
+            infos,
+        )
+
+    def close(self) -> None:
+        """End the threads and release the observer."""
+        self.vector.close()
+
+    def _joined(self, actions: PerAgent) -> NDArray[Any]:
+        if set(actions) != set(self.agents):
+            raise ScenarioError(
+                f"actions of {sorted(map(str, actions))}: give one array for each of {', '.join(self.agents)}"
+            )
+        parts = [self._part(agent, actions[agent]) for agent in self.agents]
+        parts = [np.where(flies[:, None], part, 0) for part, flies in zip(parts, self.flying.T, strict=True)]
+        return np.concatenate(parts, axis=1)
+
+    def _part(self, agent: str, given: Any) -> NDArray[Any]:
+        must = (self.num_envs, *(self._action_space[agent].shape or ()))
+        if np.shape(given) != must:
+            raise ScenarioError(f"actions of {agent}: must be an array of shape {must}, not {np.shape(given)}")
+        return np.asarray(given).reshape(self.num_envs, -1)
 
 
 #: PettingZoo's way to name an environment: `swarm_observe_v0.parallel_env(...)`.

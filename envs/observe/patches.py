@@ -48,11 +48,7 @@ class Patches:
 
 
 def make_patches(region: TargetRegion, count: int) -> Patches:
-    """Divide a target.
-
-    Args:
-        region: The target.
-        count: Number of patches, a square number.
+    """Divide a target into a square number of patches.
 
     Raises:
         ScenarioError: The count is no square number, or so large that a patch holds no cell.
@@ -72,12 +68,8 @@ def make_sphere_patches(region: TargetRegion, count: int) -> Patches:
 
     Faces come as +x, -x, +y, -y, +z, -z; within each, rows by the second and columns by the first of the other two axes.
 
-    Args:
-        region: A whole body.
-        count: Number of patches, 6 k^2.
-
     Raises:
-        ScenarioError: The count is no such number, or so large that a patch holds no cell.
+        ScenarioError: The count is not 6 k^2, or so large that a patch holds no cell.
     """
     k = isqrt(max(count // 6, 0)) if is_whole(count) else 0
     if k < 1 or 6 * k * k != count:

@@ -21,7 +21,7 @@ from swarm_mj.dataflow.transfer import NOBODY, LinkRules, carry, link_rules
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.smallbody.occultation import Occluder, way_blocked
+from swarm_mj.smallbody.occultation import Occluder, occluder_of, way_blocked
 from swarm_mj.typing import Array, Ints, Mask
 
 from .kinematics import Kinematics, PerMission, Tracking
@@ -38,6 +38,7 @@ class RadioConstants(NamedTuple):
     """What all radio links share.
 
     Attributes:
+        body: The asteroid, which may stand in between and is hit.
         radios: Antennas and rates.
         rules: How links share time.
         earth_r_N: Position of Earth at the epoch, shape (3,) [m].
@@ -47,6 +48,7 @@ class RadioConstants(NamedTuple):
         storage_bit: Most that a spacecraft holds [bit].
     """
 
+    body: Occluder
     radios: Radios
     rules: LinkRules
     earth_r_N: Array
@@ -54,18 +56,6 @@ class RadioConstants(NamedTuple):
     spacing_s: float
     station: Ints
     storage_bit: int
-
-
-class IntervalConstants(NamedTuple):
-    """What all intervals of a mission share.
-
-    Attributes:
-        body: As what hides and is hit.
-        radio: Of the links.
-    """
-
-    body: Occluder
-    radio: RadioConstants
 
 
 def radio_constants(
@@ -92,6 +82,7 @@ def radio_constants(
         radios = radios._replace(earth=RateTable(np.array([[np.inf]]), np.array([[float(earth_rate_bit_s)]])))
         station = np.zeros(len(times), np.int64)
     return RadioConstants(
+        body=occluder_of(plan.shape),
         radios=radios,
         rules=RULES,
         earth_r_N=np.array(earth.position, np.float64),
@@ -118,7 +109,7 @@ def _station_in_view(plan: Plan, radios: Radios, times: Array) -> Ints:
 
 @kernel
 def pass_interval(
-    constants: PerMission[IntervalConstants],
+    constants: PerMission[RadioConstants],
     mission: Ints,
     before: Kinematics,
     now: Kinematics,
@@ -128,18 +119,10 @@ def pass_interval(
     live: Mask,
     hit: Mask,
 ) -> None:
-    """Let the live flights come from one instant to the next: send data, and lose who hits the body on the way.
+    """Let the live flights come from one instant to the next: send data, see `transmit`, and lose who hits the body on the way.
 
-    Args:
-        constants: By mission.
-        mission: Of each flight, shape (E,).
-        before: At the beginning.
-        now: At the end.
-        tracking: What the spacecraft track meanwhile.
-        downlink: Whose link to Earth works, shape (E, n).
-        totals: Brought up to date.
-        live: Which flights, shape (E,).
-        hit: Receives who hits the body, the way there being taken as straight, shape (E, n).
+    `constants` are by mission, `mission` that of each flight, shape (E,). `hit` receives who hits the body, the way there being
+    taken as straight, shape (E, n).
     """
     mine = np.empty(live.shape[0], np.bool_)
     for m in range(len(constants)):
@@ -149,7 +132,7 @@ def pass_interval(
             some = some or mine[e]
         if some:
             of = constants[m]
-            transmit(of.radio, of.body, before, now, tracking, downlink, totals, mine)
+            transmit(of, before, now, tracking, downlink, totals, mine)
             for e in range(live.shape[0]):
                 if mine[e]:
                     _hits(of.body, before.r_A[e], now.r_A[e], totals.lost[e], hit[e])
@@ -165,7 +148,6 @@ def _hits(body: Occluder, before_A: Array, now_A: Array, lost: Mask, hit: Mask) 
 @kernel
 def transmit(
     constants: RadioConstants,
-    body: Occluder,
     before: Kinematics,
     now: Kinematics,
     tracking: Tracking,
@@ -181,7 +163,6 @@ def transmit(
 
     Args:
         constants: See `radio_constants`.
-        body: The asteroid, which may stand in between.
         before: At the beginning.
         now: At the end, where links count as closed or not.
         tracking: Who tracks whom meanwhile.
@@ -204,8 +185,8 @@ def transmit(
         if live[e]:
             for j in range(n):
                 works[j] = not totals.lost[e, j]
-            _rates(constants, body, before, tracking, works, e, rate[0])
-            _rates(constants, body, now, tracking, works, e, rate[1])
+            _rates(constants, before, tracking, works, e, rate[0])
+            _rates(constants, now, tracking, works, e, rate[1])
             kind, whom = tracking.kind[e], tracking.spacecraft[e]
             for j in range(n):
                 rate[:, j] *= downlink[e, j] or kind[j] != _EARTH
@@ -222,9 +203,7 @@ def transmit(
 
 
 @kernel
-def _rates(
-    constants: RadioConstants, body: Occluder, at: Kinematics, tracking: Tracking, works: Mask, e: int, rate: Array
-) -> None:
+def _rates(constants: RadioConstants, at: Kinematics, tracking: Tracking, works: Mask, e: int, rate: Array) -> None:
     """Write at which rate each spacecraft of flight e would send to whom it tracks at an instant, shape (n,) [bit/s]."""
     earth_N = constants.earth_r_N + at.t[e] * constants.earth_v_N
     kind, whom = tracking.kind[e], tracking.spacecraft[e]
@@ -233,6 +212,6 @@ def _rates(
     for j in range(rate.shape[0]):
         rate[j] = 0.0
         if kind[j] == _SPACECRAFT:
-            rate[j], _ = crosslink_rate(constants.radios, body, place, j, whom[j])
+            rate[j], _ = crosslink_rate(constants.radios, constants.body, place, j, whom[j])
         elif kind[j] == _EARTH:
-            rate[j], _ = earth_rate(constants.radios, body, place, station, j)
+            rate[j], _ = earth_rate(constants.radios, constants.body, place, station, j)

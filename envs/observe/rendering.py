@@ -22,7 +22,7 @@ from ..snapshots import must_have_begun
 from .draws import EpisodeDraw
 from .episodes import Episodes
 from .flybys import TIME_OF_FLIGHT_S
-from .reach import FAR
+from .pictures import FAR
 from .rewards import measures
 
 
@@ -87,14 +87,7 @@ class _Picture:
 
 
 class EpisodeRenderer:
-    """Draws the first episodes of some.
-
-    Args:
-        episodes: Which; they are only read.
-        count: How many are drawn.
-        width: Of a picture [px].
-        height: Of a picture [px].
-    """
+    """Draws the first `count` of some episodes, which it only reads, each in a picture of that size [px]."""
 
     def __init__(self, episodes: Episodes, count: int, width: int = 640, height: int = 480) -> None:
         self._episodes, self.count, self._size = episodes, count, (width, height)
@@ -134,13 +127,7 @@ class EpisodeRenderer:
 
 
 class PygameWindow:
-    """Shows pictures of one size, at most so many a second, by pygame.
-
-    Args:
-        width: [px].
-        height: [px].
-        fps: Pictures a second at most.
-        title: What the window is called.
+    """Shows pictures of one size [px], at most `fps` of them a second, by pygame.
 
     Raises:
         ObserverError: pygame is not installed, or there is no display.

@@ -52,15 +52,9 @@ def measures(totals: EpisodeTotals, sheet: EpisodeSheet) -> Array:
 def write_ends(
     totals: EpisodeTotals, sheet: EpisodeSheet, finite: Mask, over: Mask, live: Mask, result: StepOutcome
 ) -> None:
-    """Write how the live flights stand after a step.
+    """Write `end` and `truncated` of the flights that began the step live, from what they have come to and what they are.
 
-    Args:
-        totals: What they have come to.
-        sheet: What they are.
-        finite: Those with a finite state, shape (E,).
-        over: Those that have flown for their whole duration, shape (E,).
-        live: Those that began the step, shape (E,).
-        result: Receives `end` and `truncated`.
+    `finite` are those with a finite state, `over` those that have flown for their whole duration; masks are of shape (E,).
     """
     flies = ~totals.lost
     sent = np.where(flies, totals.stored, 0.0).sum(axis=1) < 1.0

@@ -138,7 +138,7 @@ decisions later, and the decisions until then over ten |
 body in 60 s; share of the data that Earth hears in a decision; directions of Sun and Earth (3 each) |
 
     With `candidates=R` there are `candidates` (n, R, 7), see `layout.CANDIDATE`, in the place of pairs and patches, and of the
-    columns of spacecraft and general those that `choices` names: no places and directions.
+    columns of spacecraft and general `layout.OF_SPACECRAFT` and `OF_GENERAL`: no places and directions.
 
     How a spacecraft knows them, and whoever hears it over the crosslinks, on which light takes milliseconds:
 
@@ -255,8 +255,6 @@ ones, `"cubesat"` flies noise and a filter |
         height: int = 480,
         **arguments: Any,
     ) -> None:
-        self.made_of = {"missions": missions, "split": split, "render_mode": render_mode, **arguments}
-        self.made_of |= {"width": width, "height": height}
         self._window: PygameWindow | None = None
         self._size = checked_size("width", width), checked_size("height", height)
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
@@ -317,8 +315,6 @@ ones, `"cubesat"` flies noise and a filter |
 
     def close(self) -> None:
         """Release observers, OpenGL context and window; may be called again."""
-        if self._batch is not None:
-            self._renderer.close()
         super().close()
         if self._window is not None:
             self._window.close()

@@ -119,7 +119,7 @@ class EpisodeState:
 
     def add(self, mission: Mission) -> int:
         """Let some episodes fly a mission; returns its number."""
-        constants = (mission.rotation, mission.scene, mission.pictures, mission.interval, mission.tables)
+        constants = (mission.rotation, mission.scene, mission.pictures, mission.radio, mission.tables)
         if self._of is None:
             self._of = PerMissionConstants(*(None if part is None else listed(part) for part in constants))
             wheels = len(mission.plan.properties.wheel_axes_B)

@@ -23,15 +23,7 @@ _SPACECRAFT, _EARTH, _DIRECTION = int(TargetKind.SPACECRAFT), int(TargetKind.EAR
 def write_tables(
     constants: PerMission[TableConstants], mission: Ints, arrays: EpisodeArrays, live: Mask, tables: Tables
 ) -> None:
-    """Fill the rows of the live flights, shape (E,).
-
-    Args:
-        constants: By mission.
-        mission: Of each flight, shape (E,).
-        arrays: Where the flights stand.
-        live: Which, shape (E,).
-        tables: Written to.
-    """
+    """Fill the rows of the live flights, shape (E,); `mission` is that of each, shape (E,), and `constants` are by mission."""
     for m in range(len(constants)):
         some = False
         for e in range(live.shape[0]):
@@ -172,17 +164,7 @@ def _write_spacecraft(constants: TableConstants, arrays: EpisodeArrays, e: int, 
 
 @allocation_free
 def _motion(constants: TableConstants, now: Kinematics, e: int, j: int, ahead_s: float, r: Array, v: Array) -> None:
-    """Where a spacecraft is some time ahead without forces, in A, which turns meanwhile.
-
-    Args:
-        constants: See there.
-        now: Of all.
-        e: Flight.
-        j: Spacecraft.
-        ahead_s: The time.
-        r: Receives the place relative to the target's middle, shape (3,) [m].
-        v: Receives the velocity relative to the turning body, shape (3,) [m/s].
-    """
+    """Write place relative to the target's middle [m] and velocity [m/s] without forces some time ahead, in A, which turns."""
     v_N, C, spin = now.v[e, j], now.C_AN[e], constants.spin_rate
     for k in range(3):
         v[k] = C[k, 0] * v_N[0] + C[k, 1] * v_N[1] + C[k, 2] * v_N[2]

@@ -82,16 +82,9 @@ def free_storage(totals: EpisodeTotals, e: int, j: int, storage_bit: float) -> f
 def record_cells(
     totals: EpisodeTotals, e: int, j: int, new: Mask, area: float, bits: float, storage_bit: float
 ) -> None:
-    """Enter what a picture of spacecraft j has brought.
+    """Enter what a picture of spacecraft j of episode e has brought: cells that are new, shape (C,), their area [m^2] and data.
 
-    Args:
-        totals: Written to.
-        e: Episode.
-        j: Spacecraft.
-        new: Cells seen for the first time, shape (C,).
-        area: Of those cells [m^2].
-        bits: Their data, of which whole bits count [bit].
-        storage_bit: Most that the spacecraft holds; what is beyond is gone [bit].
+    Whole bits count [bit]; what is beyond `storage_bit`, the most that the spacecraft holds, is gone.
     """
     for i in range(new.shape[0]):
         if new[i]:

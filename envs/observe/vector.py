@@ -8,11 +8,11 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from swarm_mj.io.machine import usable_cores
 from swarm_mj.typing import Pixels
 
 from ..arguments import checked_count, checked_render_mode
 from ..batch_env import BatchVectorEnv, vector_arguments
-from ..capacity import default_threads
 from .episodes import Episodes
 from .rendering import EpisodeRenderer
 from .rewards import ENDS, TERMS
@@ -49,10 +49,8 @@ class SwarmObserveVectorEnv(BatchVectorEnv):
         render_flights: int = 4,
         **arguments: Any,
     ) -> None:
-        self.made_of = {"num_envs": num_envs, "autoreset_mode": autoreset_mode, "threads": threads}
-        self.made_of |= {"render_mode": render_mode, "render_flights": render_flights, **arguments}
         count, mode = vector_arguments(num_envs, autoreset_mode)
-        used = default_threads() if threads is None else checked_count("threads", threads, ", or None")
+        used = usable_cores() if threads is None else checked_count("threads", threads, ", or None")
         self.render_mode = checked_render_mode(render_mode, ["rgb_array"])
         shown = min(count, checked_count("render_flights", render_flights))
         self.config = config_of_one_agent(arguments)
@@ -69,9 +67,3 @@ class SwarmObserveVectorEnv(BatchVectorEnv):
         _ = self.batch
         pictures = self._renderer.render(self.render_mode, self._begun[: self._renderer.count], NAME)
         return None if pictures is None else tuple(pictures)
-
-    def close_extras(self, **kwargs: Any) -> None:
-        """End the threads and release observers and OpenGL contexts."""
-        if self._batch is not None:
-            self._renderer.close()
-        super().close_extras(**kwargs)

@@ -8,18 +8,15 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from swarm_mj.errors import ScenarioError
 from swarm_mj.observation.thumbnails import Thumbnails
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.typing import Array, Ints, Mask, Pixels
 
-from ..arguments import flight_seeds, is_whole
+from ..arguments import checked_whole, flight_seeds, refuse_more_than_fit
 from ..batch_env import StepOutcome
-from ..capacity import refuse_more_than_fit
 from ..pixels import IMAGE_SPACE, Poses
 from .flights import PointingFlights
-from .observations import observe
-from .rewards import assess, no_state
+from .steps import assess, no_state, observe
 from .task import PointingTask
 
 #: What an episode takes in memory, measured, upper estimates: of its own, and for each cell of the target [B].
@@ -29,11 +26,7 @@ ZOOM = 6
 
 
 class PointingBatch:
-    """E episodes flown in one thread, see `swarm_mj.envs.batch_env`.
-
-    Args:
-        task: What they share.
-        count: Number of episodes E.
+    """As many episodes E of one task as `count` says, flown in one thread, see `swarm_mj.envs.batch_env`.
 
     Attributes:
         flights: The simulation, a swarm of one in each flight.
@@ -94,11 +87,9 @@ class PointingBatch:
         self.state.error[began] = self.flights.error[began]
 
     def step(self, actions: NDArray[Any], live: Mask | None = None) -> StepOutcome:
-        """Fly on for one step with the motors' torques held.
+        """Fly on for a step with motor torques over their limit held, shape (E, 3).
 
-        Args:
-            actions: Motor torques over their limit, shape (E, 3).
-            live: Episodes to go on with, shape (E,); None for all.
+        Only live episodes, shape (E,), go on; None: all.
         """
         live = np.ones(self.count, np.bool_) if live is None else live
         state, hold = self.state, self._constants.hold_steps
@@ -186,11 +177,8 @@ def checked_spacecraft(given: Any, task: PointingTask) -> int | None:
     """
     if given is None:
         return None
-    if not is_whole(given) or not 1 <= given <= task.plan.n:
-        raise ScenarioError(
-            f"reset option spacecraft = {given!r}: must be a whole number from 1 to {task.plan.n}, or None for any"
-        )
-    return int(given) - 1
+    must = f"a whole number from 1 to {task.plan.n}, or None for any"
+    return checked_whole("reset option spacecraft", given, 1, task.plan.n, must) - 1
 
 
 def crossed(batch: PointingBatch, e: int) -> Pixels:

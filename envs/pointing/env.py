@@ -14,8 +14,7 @@ from ..arguments import checked_count, checked_render_mode, nothing_to_draw
 from ..batch_env import BatchEnv, BatchVectorEnv, vector_arguments
 from ..snapshots import must_have_begun
 from .batch import PointingBatch, crossed
-from .config import WEIGHTS
-from .task import make_pointing_task
+from .task import PointingWeights, make_pointing_task
 
 NAME = "SwarmPointing-v0"
 #: Motor torques of one spacecraft over their limit.
@@ -162,11 +161,10 @@ quick slews, thrusters and four wheels are refused; sensors are ideal, whatever 
     v0: first version.
     """
 
-    name, terms, own_options = NAME, tuple(WEIGHTS), ("spacecraft",)
+    name, terms, own_options = NAME, PointingWeights._fields, ("spacecraft",)
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
 
     def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
-        self.made_of = {"render_mode": render_mode, **arguments}
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
         self._set_up(PointingBatch(make_pointing_task(**arguments), 1), ACTION_SPACE)
 
@@ -198,7 +196,7 @@ class SwarmPointingVectorEnv(BatchVectorEnv):
         arguments: The others of `SwarmPointingEnv`.
     """
 
-    name, terms, own_options = NAME, tuple(WEIGHTS), ("spacecraft",)
+    name, terms, own_options = NAME, PointingWeights._fields, ("spacecraft",)
 
     def __init__(
         self,
@@ -209,8 +207,6 @@ class SwarmPointingVectorEnv(BatchVectorEnv):
         render_flights: int = 4,
         **arguments: Any,
     ) -> None:
-        self.made_of = {"num_envs": num_envs, "autoreset_mode": autoreset_mode, "render_mode": render_mode}
-        self.made_of |= {"render_flights": render_flights, **arguments}
         count, mode = vector_arguments(num_envs, autoreset_mode)
         self._shown = min(count, checked_count("render_flights", render_flights))
         self.render_mode = checked_render_mode(render_mode, ["rgb_array"])

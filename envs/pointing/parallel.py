@@ -17,9 +17,8 @@ from ..arguments import agent_names, checked_render_mode, nothing_to_draw
 from ..batch_env import info_of, one_of, told_of_step
 from ..snapshots import must_have_begun
 from .batch import PointingBatch, crossed
-from .config import WEIGHTS
 from .env import ACTION_SPACE
-from .task import make_pointing_task
+from .task import PointingWeights, make_pointing_task
 
 
 class SwarmPointingParallelEnv(SwarmParallelEnv):
@@ -35,20 +34,19 @@ class SwarmPointingParallelEnv(SwarmParallelEnv):
         arguments: The others of `SwarmPointingEnv`.
     """
 
+    name, terms = "swarm_pointing_v0", PointingWeights._fields
     metadata: ClassVar[dict[str, Any]] = {
-        "name": "swarm_pointing_v0",
+        "name": name,
         "render_modes": ["rgb_array"],
         "render_fps": 10,
         "is_parallelizable": True,
     }
 
     def __init__(self, render_mode: str | None = None, *, agent_prefix: str = "sc", **arguments: Any) -> None:
-        self.made_of = {"render_mode": render_mode, "agent_prefix": agent_prefix, **arguments}
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
-        self.task = make_pointing_task(**arguments)
-        n, numbers = self.task.plan.n, self.task.layout.space
-        agents = agent_names(agent_prefix, n)
-        self._set_up(PointingBatch(self.task, n), agents, self.task.observation_space, ACTION_SPACE)
+        task = make_pointing_task(**arguments)
+        n, numbers = task.plan.n, task.layout.space
+        self._set_up(PointingBatch(task, n), agent_names(agent_prefix, n), task.observation_space, ACTION_SPACE)
         self.state_space = spaces.Box(np.tile(numbers.low, n), np.tile(numbers.high, n), dtype=np.float32)
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[PerAgent, PerAgent]:
@@ -63,7 +61,7 @@ class SwarmPointingParallelEnv(SwarmParallelEnv):
         result = batch.step(np.array([*actions.values()]))
         over, infos = bool(result.truncated.all()), self._infos()
         for j, agent in enumerate(flew):
-            infos[agent] |= told_of_step(batch, result, j, tuple(WEIGHTS), ("",))
+            infos[agent] |= told_of_step(batch, result, j, self.terms, self.ends)
         rewards = dict(zip(flew, result.reward.tolist(), strict=True))
         self.agents = [] if over else flew
         never, ended = dict.fromkeys(flew, False), dict.fromkeys(flew, over)
@@ -77,7 +75,7 @@ class SwarmPointingParallelEnv(SwarmParallelEnv):
         """What the camera of the first agent sees with `render_mode="rgb_array"`."""
         if nothing_to_draw(self.render_mode):
             return None
-        must_have_begun(self._begun, "render", self.metadata["name"])
+        must_have_begun(self._begun, "render", self.name)
         return crossed(self.batch, 0)
 
     def _by_agent(self, observed: Any) -> PerAgent:

@@ -16,8 +16,7 @@ from swarm_mj.spacecraft.control.sliding_mode import MrpSlidingMode
 from swarm_mj.typing import Array, Array32
 
 from .batch import PointingBatch
-from .observations import REFERENCE_RATE
-from .rewards import RATE
+from .steps import RATE, REFERENCE_RATE
 from .task import PointingTask
 
 PointingPolicy = Callable[[PointingTask, Array32], Array]
@@ -40,12 +39,9 @@ class PointingOutcome(NamedTuple):
 
 
 class LawPolicy:
-    """A control law of the package as a policy, with what is observed and nothing else.
+    """A control law of the package, without memory, as a policy, with what is observed and nothing else.
 
     The acceleration of the line of sight is not observed; the law takes it as zero.
-
-    Args:
-        law: Without memory.
     """
 
     def __init__(self, law: Controller) -> None:
@@ -79,11 +75,7 @@ def zero(task: PointingTask, observation: Array32) -> Array:
 
 
 class RandomPolicy:
-    """Any action, evenly.
-
-    Args:
-        seed: Of the draws.
-    """
+    """Any action, evenly."""
 
     def __init__(self, seed: int = 0) -> None:
         self._rng = np.random.default_rng(seed)
@@ -104,14 +96,7 @@ POLICIES: dict[str, PointingPolicy] = {
 
 
 def fly(task: PointingTask, act: Callable[[PointingBatch], Array], episodes: int, seed: int = 0) -> PointingOutcome:
-    """Fly episodes of the flight seeds `seed`, `seed` + 1, ... side by side.
-
-    Args:
-        task: What is flown.
-        act: Gives the actions, shape (E, 3), of what the batch observes.
-        episodes: How many.
-        seed: The first flight seed.
-    """
+    """Fly episodes of the flight seeds `seed`, `seed` + 1, ... side by side; `act` gives actions, shape (E, 3)."""
     batch = PointingBatch(task, episodes)
     batch.reset({e: seed + e for e in range(episodes)})
     total = np.zeros(episodes)

@@ -46,7 +46,7 @@ OPEN_LOOP = (
 
 
 class Flown(NamedTuple):
-    """What episodes came to, each of shape (m,).
+    """What episodes came to, or at most could, each of shape (m,).
 
     Attributes:
         score: Sum of rewards.
@@ -107,9 +107,7 @@ def greedy(observed: Observed) -> Ints:
 def greedy_ahead(observed: Observed, decisions: int = DECISIONS) -> Ints:
     """The same, but patches that leave reach come first, and who has least to see talks while the time is short.
 
-    Args:
-        observed: Tables.
-        decisions: Of a flight, which they do not tell.
+    It must be told the `decisions` of a flight, of which the tables know nothing.
     """
     return _greedy(observed, decisions)
 
@@ -175,13 +173,7 @@ def scripted_policies(config: EnvConfig) -> dict[str, Policy]:
 
 
 def fly(episodes: Episodes, policy: Policy, seeds: Sequence[int], draw: Mapping[str, Any] | None = None) -> Flown:
-    """One episode for each flight seed, as many at once as `episodes` has room for.
-
-    Args:
-        episodes: Where they fly.
-        policy: From tables to choices.
-        seeds: Flight seeds.
-        draw: Values by name in the place of drawn ones.
+    """One episode for each flight seed, as many at once as `episodes` has room for; `draw` as in `Episodes.begin`.
 
     Raises:
         ScenarioError: There are no seeds.

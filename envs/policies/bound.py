@@ -25,24 +25,10 @@ from swarm_mj.typing import Array, Ints, Mask
 
 from ..observe.episodes import Episodes
 from ..observe.layout import Observed
-from .baselines import fly
+from .baselines import Flown, fly
 
 #: Is told how far a long evaluation is.
 Progress = Callable[[int], None]
-
-
-class Bound(NamedTuple):
-    """Of m episodes, each of shape (m,).
-
-    Attributes:
-        score: The two together.
-        seen: Of the reward for seen area.
-        delivered: Of that for delivered data.
-    """
-
-    score: Array
-    seen: Array
-    delivered: Array
 
 
 class Path(NamedTuple):
@@ -71,49 +57,37 @@ class Path(NamedTuple):
         return np.asarray(np.where((after > k)[:, None, None], smooth, a + past * va))
 
 
-class _Recorder:
-    """A policy that holds everyone as it is and keeps where they are."""
+def _paths(episodes: Episodes, seeds: Sequence[int]) -> list[Path]:
+    """Fly episodes with everyone held as it is; where all were."""
+    passed = [list[tuple[float, Array, Array]]() for _ in range(episodes.count)]
 
-    def __init__(self, episodes: Episodes) -> None:
-        self._episodes = episodes
-        self.paths: list[list[tuple[float, Array, Array]]] = []
+    def hold(observed: Observed) -> Ints:
+        now = episodes.now
+        for e, known in enumerate(passed):
+            if not known or now.t[e] > known[-1][0]:
+                known.append((float(now.t[e]), now.r[e].copy(), now.v[e].copy()))
+        return np.tile(episodes.patches + 1 + np.arange(episodes.n), (episodes.count, 1))
 
-    def __call__(self, observed: Observed) -> Ints:
-        episodes = self._episodes
-        E, n = episodes.count, episodes.n
-        if not self.paths:
-            self.paths = [[] for _ in range(E)]
-        for e in range(E):
-            now, t = episodes.now, float(episodes.now.t[e])
-            if not self.paths[e] or t > self.paths[e][-1][0]:
-                self.paths[e].append((t, now.r[e].copy(), now.v[e].copy()))
-        return np.tile(episodes.patches + 1 + np.arange(n), (E, 1))
-
-    def path(self, e: int) -> Path:
-        """Of episode e."""
-        return Path(*(np.array(part, np.float64) for part in zip(*self.paths[e], strict=True)))
+    fly(episodes, hold, seeds)
+    return [Path(*(np.array(part, np.float64) for part in zip(*known, strict=True))) for known in passed]
 
 
-def bounds(episodes: Episodes, seeds: Sequence[int], progress: Progress | None = None) -> Bound:
-    """Of the episodes of flight seeds, which are flown once for it, as many at once as `episodes` has room for.
+def bounds(episodes: Episodes, seeds: Sequence[int], progress: Progress | None = None) -> Flown:
+    """The most of episodes of flight seeds, which are flown once for it, as many at once as `episodes` has room for.
 
-    Args:
-        episodes: Where they fly.
-        seeds: Flight seeds.
-        progress: Called with the number of episodes that are done.
+    `progress` is called with the number of episodes that are done.
     """
     found = list[tuple[float, float]]()
     for start in range(0, len(seeds), episodes.count):
         some = seeds[start : start + episodes.count]
-        recorder = _Recorder(episodes)
         # What fills up a short group is flown again and not counted.
-        fly(episodes, recorder, [*some, *[some[0]] * (episodes.count - len(some))])
+        paths = _paths(episodes, [*some, *[some[0]] * (episodes.count - len(some))])
         for e in range(len(some)):
-            found.append(_bound(episodes, e, recorder.path(e)))
+            found.append(_bound(episodes, e, paths[e]))
             if progress is not None:
                 progress(len(found))
     seen, delivered = np.array(found).T
-    return Bound(seen + delivered, seen, delivered)
+    return Flown(seen + delivered, seen, delivered)
 
 
 def _bound(episodes: Episodes, e: int, path: Path) -> tuple[float, float]:

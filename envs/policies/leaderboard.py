@@ -12,17 +12,17 @@ from scipy.stats import t as student
 
 from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
+from swarm_mj.io.machine import usable_cores
 from swarm_mj.io.resources import asset_path
 from swarm_mj.typing import Array
 
-from ..arguments import MAX_SEED, checked_episodes, is_whole
-from ..capacity import default_threads
+from ..arguments import MAX_SEED, checked_episodes, checked_whole
 from ..observe.config import EnvConfig
 from ..observe.episodes import HELD_OUT_SEED, Episodes
 from ..observe.layout import Observed
 from ..observe.single import NAME
 from .baselines import Flown, Policy, fly, open_loop, random_choices, scripted_policies
-from .bound import Bound, Progress, bounds
+from .bound import Progress, bounds
 from .planner import Planner
 from .policy_files import PACKAGED, open_policy
 
@@ -77,7 +77,7 @@ class Score:
     information: str
     seeds: tuple[int, ...]
     flown: Flown
-    bound: Bound
+    bound: Flown
 
     @property
     def cells(self) -> list[str]:
@@ -125,9 +125,8 @@ def hidden_seeds(key: int) -> tuple[int, ...]:
     Raises:
         ScenarioError: The key is no whole number of at least 0.
     """
-    if not is_whole(key) or key < 0:
-        raise ScenarioError(f"key = {key!r}: must be a whole number of at least 0")
-    drawn = np.random.default_rng(int(key)).integers(TEST_SEEDS[-1] + 1, MAX_SEED, len(TEST_SEEDS))
+    rng = np.random.default_rng(checked_whole("key", key, 0, np.inf, "a whole number of at least 0"))
+    drawn = rng.integers(TEST_SEEDS[-1] + 1, MAX_SEED, len(TEST_SEEDS))
     return tuple(int(seed) for seed in drawn)
 
 
@@ -175,8 +174,8 @@ class FrozenEpisodes:
         if len(self.seeds) < 2:
             raise ScenarioError(f"{len(self.seeds)} episodes: must be at least 2 for an interval")
         self.config = EnvConfig(**TEST | arguments)
-        self.episodes = Episodes(self.config, min(WIDTH, len(self.seeds)), default_threads(), tests=True)
-        self._bound: Bound | None = None
+        self.episodes = Episodes(self.config, min(WIDTH, len(self.seeds)), usable_cores(), tests=True)
+        self._bound: Flown | None = None
 
     def __enter__(self) -> Self:
         """Itself."""
@@ -188,11 +187,9 @@ class FrozenEpisodes:
 
     @classmethod
     def of(cls, episodes: int | None = None, key: int | None = None) -> FrozenEpisodes:
-        """The leaderboard's episodes, or as many that a key hides: whoever keeps it tests what nobody can have chosen by.
+        """The first so many episodes, at least 2, of the leaderboard, or of those that a key hides; None: all.
 
-        Args:
-            episodes: Only the first so many, at least 2; None: all.
-            key: A whole number of at least 0; None: those of the leaderboard.
+        Whoever keeps the key tests what nobody can have chosen by.
         """
         seeds = TEST_SEEDS if key is None else hidden_seeds(key)
         return cls(seeds[: checked_episodes(episodes, len(seeds))])
@@ -218,7 +215,7 @@ class FrozenEpisodes:
             self._bound = bounds(self.episodes, self.seeds, progress)
 
     @property
-    def bound(self) -> Bound:
+    def bound(self) -> Flown:
         """What no policy can pass; worked out once."""
         self.prepare()
         assert self._bound is not None

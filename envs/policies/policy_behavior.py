@@ -42,9 +42,7 @@ NAMES = ("sweep", "greedy", "greedy_ahead")
 def policy_overrides(policy: str, scenario: Scenario) -> dict[str, Any]:
     """What has to be set in a scenario for a policy to fly it, with the same swarm as the scenario's own behaviour.
 
-    Args:
-        policy: A scripted one by name, `trained` for the packaged one, or a file, see `policy_files`.
-        scenario: As it is without the policy.
+    A policy is a scripted one by name, `trained` for the packaged one, or a file, see `policy_files`.
 
     Raises:
         MissionError: It is neither a name nor a file.
@@ -164,12 +162,7 @@ class TrainedPolicy(_PolicyBehavior):
 
 
 class PolicyFlight:
-    """A policy at work in one flight.
-
-    Args:
-        config: Of an environment of the same flyby.
-        policy: From tables to choices.
-    """
+    """A policy, from tables to choices, at work in one flight; `config` is of an environment of the same flyby."""
 
     def __init__(self, config: EnvConfig, policy: Policy) -> None:
         self._policy, self._config = policy, config
@@ -193,12 +186,7 @@ class PolicyFlight:
 
 
 class FollowedEpisode(EpisodeState):
-    """The state of one flight that something else flies, and what a policy decides in it.
-
-    Args:
-        config: Of an environment of the same flyby.
-        mission: That flyby.
-    """
+    """The state of one flight that something else flies, and what a policy decides in it."""
 
     flights: _ViewedFlight
 
@@ -231,12 +219,7 @@ class FollowedEpisode(EpisodeState):
 
 
 class _ViewedFlight:
-    """What an `EpisodeState` reads, taken from a `SwarmView`; attitude errors, losses and blindness are not known.
-
-    Args:
-        n: Number of spacecraft.
-        period: Time between two decisions [s].
-    """
+    """What an `EpisodeState` reads, taken from a `SwarmView`; attitude errors, losses and blindness are not known."""
 
     def __init__(self, n: int, period: float) -> None:
         self._period = period

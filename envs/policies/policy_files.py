@@ -33,10 +33,8 @@ from swarm_mj.io.records import reading, record_from, require_file
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array32, Ints
 
-from ..observe.choices import SIZE as CHOICE_SIZE
-from ..observe.choices import choice_rows
 from ..observe.config import EnvConfig, checked_candidates
-from ..observe.layout import AllPatches, Interface, Observed, local_rows, make_interface
+from ..observe.layout import CHOICE_SIZE, AllPatches, Observed, choice_rows, local_rows, make_interface
 from ..observe.single import NAME
 from ..observe.tables import GENERAL, PAIRS, PATCHES, SPACECRAFT
 from .baselines import Policy
@@ -86,12 +84,9 @@ def provenance(config: EnvConfig) -> dict[str, Any]:
 
 
 def check(about: Mapping[str, Any], config: EnvConfig, policy: str = "policy") -> None:
-    """Refuse a policy whose observations or choices mean something else here; what a file does not tell passes.
+    """Refuse a policy whose observations or choices mean something else in an environment of these arguments.
 
-    Args:
-        about: What the file tells.
-        config: Of the environment in which it should fly.
-        policy: What the message calls it.
+    What its file does not tell, `about`, passes.
 
     Raises:
         ScenarioError: The message names what differs.
@@ -139,7 +134,7 @@ def told_arguments(file: str | Path) -> dict[str, Any]:
     return {}
 
 
-def interface_of(about: Mapping[str, Any], config: EnvConfig) -> Interface:
+def interface_of(about: Mapping[str, Any], config: EnvConfig) -> AllPatches:
     """What a policy was shown and chose among as it was trained; where it does not tell, all patches."""
     return make_interface(config.spacecraft, config.patches, about.get("arguments", {}).get("candidates"))
 
@@ -266,13 +261,7 @@ def _algorithm(path: Path, masked: bool) -> Any:
 
 
 def tell_in_zip(path: str | Path, config: EnvConfig, reads: Literal["swarm", "spacecraft"] = "swarm") -> None:
-    """Add to a zip of stable-baselines3 what its policy was trained for.
-
-    Args:
-        path: What `PPO.save` wrote.
-        config: The arguments of the environment that it was trained in.
-        reads: What it is shown at once, see `ZipAbout`.
-    """
+    """Add to what `PPO.save` wrote the arguments of the environment it was trained in, and what it reads, see `ZipAbout`."""
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr(MEMBER, json.dumps(provenance(config) | {"reads": reads}, sort_keys=True))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.typing import Array32, Mask, Pixels
+from swarm_mj.typing import Array32, Mask
 
 from ..observe.episodes import box
 from ..observe.layout import local_rows
@@ -98,9 +97,7 @@ class SwarmObserveVecEnv(VecEnv):
     def episode(self, e: int, more: float = 0.0) -> dict[str, float]:
         """What `Monitor` would tell of flight e if it ended now: return `r`, length `l`, seconds since the start `t`.
 
-        Args:
-            e: Number of the flight.
-            more: What a wrapper adds to the return.
+        A wrapper may add `more` to the return.
         """
         since = round(time.monotonic() - self._start, 6)
         return {"r": float(self._return[e]) + more, "l": int(self._length[e]), "t": since}
@@ -146,10 +143,6 @@ class SwarmObserveVecEnv(VecEnv):
         from stable_baselines3.common.monitor import Monitor
 
         return [wrapper_class is Monitor for _ in self._get_indices(indices)]
-
-    def get_images(self) -> Sequence[Pixels | None]:
-        """Nothing is drawn: render a single environment."""
-        return [None] * self.num_envs
 
 
 class SwarmObserveSharedVecEnv(VecEnvWrapper):
@@ -228,9 +221,6 @@ class SwarmPointingVecEnv(SwarmObserveVecEnv):
         num_envs: Number of spacecraft.
         arguments: Those of `SwarmPointingEnv`, except `render_mode`.
     """
-
-    def __init__(self, num_envs: int = 1, **arguments: Any) -> None:
-        super().__init__(num_envs, **arguments)
 
     def _make(self, num_envs: int, threads: int | None, **arguments: Any) -> Any:
         return SwarmPointingVectorEnv(num_envs, **arguments)

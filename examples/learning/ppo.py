@@ -22,8 +22,8 @@ import torch
 from common import TRAINING, Curve, Options, mean_of, options
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from swarm_mj.envs.observe.choices import choice_rows
 from swarm_mj.envs.observe.config import EnvConfig
+from swarm_mj.envs.observe.layout import choice_rows
 from swarm_mj.envs.policies.policy_files import network_policy, provenance
 from swarm_mj.envs.policies.policy_network import NetworkPolicy, save_network
 from torch import Tensor, nn

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from swarm_mj.envs.capacity import default_threads
 from swarm_mj.envs.observe.config import EnvConfig
 from swarm_mj.envs.observe.episodes import Episodes
 from swarm_mj.envs.policies.baselines import OPEN_LOOP, fly, open_loop
 
+from swarm_mj.io.machine import usable_cores
 from swarm_mj.typing import Ints
 
 
@@ -24,7 +24,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=300, help="changes that are tried (default: %(default)s)")
     rounds = parser.parse_args().rounds
-    episodes = Episodes(EnvConfig(), 64, default_threads())
+    episodes = Episodes(EnvConfig(), 64, usable_cores())
     start = np.array([row.split() for row in OPEN_LOOP], np.int64).T
     best, score = climbed(episodes, start, range(128), rounds)
     episodes.close()

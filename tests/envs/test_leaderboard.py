@@ -7,10 +7,17 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pytest
-from swarm_mj.envs.observe.choices import KINDS, OF_GENERAL, OF_SPACECRAFT, SIZE, choice_rows
 from swarm_mj.envs.observe.config import EnvConfig
 from swarm_mj.envs.observe.episodes import Episodes
-from swarm_mj.envs.observe.layout import local_rows, make_interface
+from swarm_mj.envs.observe.layout import (
+    CHOICE_SIZE,
+    KINDS,
+    OF_GENERAL,
+    OF_SPACECRAFT,
+    choice_rows,
+    local_rows,
+    make_interface,
+)
 from swarm_mj.envs.observe.tables import GENERAL, SPACECRAFT
 from swarm_mj.envs.policies import leaderboard
 from swarm_mj.envs.policies.baselines import greedy as greedy_rule
@@ -49,7 +56,7 @@ def network(*, reads="swarm", **about):
     """A random network that fits the environment."""
     config = EnvConfig(**ONE)
     flat, local, choices = sizes(config)
-    readings = {"swarm": flat, "spacecraft": local, "choice": SIZE}[reads]
+    readings = {"swarm": flat, "spacecraft": local, "choice": CHOICE_SIZE}[reads]
     told = provenance(config) | about
     return random_policy(reads=reads, readings=readings, spacecraft=4, choices=choices, **told)
 
@@ -122,7 +129,7 @@ def test_a_row_of_a_choice_holds_what_is_known_of_it_and_nothing_of_others(test)
     observed = {name: rng.uniform(1.0, 2.0, rows.shape) for name, rows in tables.items()}
     E, n, K, width = observed["pairs"].shape
     rows = choice_rows(observed)
-    assert rows.shape == (E, n, K + 1 + n, SIZE)
+    assert rows.shape == (E, n, K + 1 + n, CHOICE_SIZE)
     own = [SPACECRAFT.index(name) for name in OF_SPACECRAFT]
     general = [GENERAL.index(name) for name in OF_GENERAL]
     for e, j, c in np.ndindex(E, n, K + 1 + n):

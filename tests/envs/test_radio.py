@@ -65,8 +65,8 @@ def sent(
     # One station for each step, in reach of any.
     heard = RateTable(np.full((len(np.atleast_1d(earth)), 1), np.inf), np.atleast_1d(earth)[:, None].astype(float))
     radios = Radios(beams, RateTable(rates[:, 0].copy(), rates[:, 1].copy()), heard)
-    constants = RadioConstants(radios, RULES, r, v, 1.0, np.arange(len(heard.range_m)), int(room))
-    transmit(constants, SPECK, before, now, tracking, downlink, totals, np.array([True, False]))
+    constants = RadioConstants(SPECK, radios, RULES, r, v, 1.0, np.arange(len(heard.range_m)), int(room))
+    transmit(constants, before, now, tracking, downlink, totals, np.array([True, False]))
     received = totals.delivered.sum(axis=1)
     assert received[1] == 0.0 and totals.stored[1].tolist() == list(stored)
     assert received[0] == sum(stored) - totals.stored[0].sum()

@@ -14,7 +14,7 @@ from swarm_mj.envs.pointing.batch import PointingBatch
 from swarm_mj.envs.pointing.env import SwarmPointingVectorEnv
 from swarm_mj.envs.pointing.parallel import swarm_pointing_v0
 from swarm_mj.envs.pointing.policies import POLICIES, LawPolicy, fly, fly_policy
-from swarm_mj.envs.pointing.rewards import assess, no_state
+from swarm_mj.envs.pointing.steps import assess, no_state
 from swarm_mj.envs.pointing.task import make_pointing_task
 
 from swarm_mj.errors import ScenarioError

@@ -5,7 +5,6 @@ import pytest
 from swarm_mj.envs.observe.config import EnvConfig
 from swarm_mj.envs.observe.episodes import Episodes
 from swarm_mj.envs.policies.baselines import Flown, greedy
-from swarm_mj.envs.policies.bound import Bound
 from swarm_mj.envs.policies.leaderboard import Score
 
 from scripts.pages import hindsight, leaderboard, learning
@@ -48,7 +47,7 @@ def test_page_picture_and_numbers_tell_the_same(curves, tmp_path):
 
 
 def test_the_leaderboard_compares_the_same_episodes():
-    bound = Bound(*np.full((3, 4), 2.0))
+    bound = Flown(*np.full((3, 4), 2.0))
     made = {"greedy": [1.0, 0.0, 1.0, 2.0], "random": [0.5, -0.5, 0.5, 1.5]}
     scores = [Score(name, "full", (1, 2, 3, 4), Flown(*np.array([x, x, x])), bound) for name, x in made.items()]
     plans = [Allocation(pictures=(), value=1.0, bound=bound) for bound in (1.0, 1.5)]
@@ -62,7 +61,7 @@ def test_the_leaderboard_compares_the_same_episodes():
 def test_the_best_known_choices_of_an_episode_are_those_of_the_search_or_of_a_policy(tmp_path, monkeypatch):
     monkeypatch.setattr(leaderboard, "HINDSIGHT", tmp_path / "found.json")
     (tmp_path / "found.json").write_text('{"rounds": 3, "scores": {"7": 1.0, "8": 0.25}}')
-    bound = Bound(*np.full((3, 2), 2.0))
+    bound = Flown(*np.full((3, 2), 2.0))
     score = Score("greedy", "full", (7, 8), Flown(*np.array([[0.5, 0.75]] * 3)), bound)
     assert leaderboard.best_known([score]).tolist() == [1.0, 0.75]
 

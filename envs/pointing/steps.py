@@ -1,4 +1,4 @@
-"""What a step of `SwarmPointing-v0` comes to: errors, weighted reward terms, references held."""
+"""What a step of `SwarmPointing-v0` comes to: errors, weighted reward terms, references held, and what an agent is told."""
 
 from __future__ import annotations
 
@@ -6,13 +6,40 @@ from math import pi
 from typing import NamedTuple
 
 import numpy as np
+from gymnasium import spaces
 
-from swarm_mj.typing import Array, Ints, Mask
+from swarm_mj.simulator.slots import Slot
+from swarm_mj.typing import Array, Array32, Ints, Mask
+
+from .flights import PointingFlights
 
 #: Number of reward terms.
 TERM_COUNT = 4
 #: Rate that costs in full [rad/s], and the observation's scale of rates.
 RATE = 0.1
+
+
+#: Scales beside that of rates: fine attitude error [1], fine rates and reference rates [rad/s].
+FINE_SIGMA, FINE_RATE, REFERENCE_RATE = 0.05, 0.01, 0.01
+#: Names, numbers and bounds of what is observed, in order.
+STATE = (
+    ("sigma_BR", 3, 1.0),
+    ("fine_sigma_BR", 3, 1.0),
+    ("omega_BR", 3, 10.0),
+    ("fine_omega_BR", 3, 1.0),
+    ("wheel_speed", 3, 1.0),
+    ("omega_RN", 3, 10.0),
+    ("hold_left", 1, 1.0),
+    ("time_left", 1, 1.0),
+)
+#: The same where pixels say where the body is: nothing tells the reference.
+CAMERA = (
+    ("omega_BN", 3, 10.0),
+    ("fine_omega_BN", 3, 1.0),
+    ("wheel_speed", 3, 1.0),
+    ("hold_left", 1, 1.0),
+    ("time_left", 1, 1.0),
+)
 
 
 class PointingConstants(NamedTuple):
@@ -102,3 +129,40 @@ def assess(
     )
     state.terms[:] = constants.scales * constants.step_share * np.stack(measures, axis=1) * live[:, None]
     state.reward[:] = state.terms.sum(axis=1)
+
+
+class PointingLayout:
+    """Which numbers stand where in an observation, `state` or `camera`.
+
+    Attributes:
+        camera: Whether the reference is left to the pixels.
+        columns: Columns by name.
+        space: Of the numbers.
+    """
+
+    def __init__(self, observation: str) -> None:
+        self.camera = observation == "camera"
+        parts = CAMERA if self.camera else STATE
+        stops = np.cumsum([size for _, size, _ in parts]).tolist()
+        self.columns = {name: slice(stop - size, stop) for (name, size, _), stop in zip(parts, stops, strict=True)}
+        high = np.concatenate([np.full(size, bound, np.float32) for _, size, bound in parts])
+        low = np.where(np.arange(len(high)) >= stops[-3], np.float32(0.0), -high)
+        self.space = spaces.Box(low, high, dtype=np.float32)
+
+    def split(self, observation: Array32) -> dict[str, Array32]:
+        """The parts of observations, shape (..., F), by name, shape (..., size)."""
+        return {name: observation[..., part] for name, part in self.columns.items()}
+
+
+def observe(constants: PointingConstants, flights: PointingFlights, state: PointingState, *, camera: bool) -> Array32:
+    """Observations, see `STATE`, or `CAMERA`, where the reference is left out, shape (E, F)."""
+    omega = flights.reading(Slot.OMEGA if camera else Slot.OMEGA_BR)
+    sigma, wheel = flights.reading(Slot.SIGMA_BR), flights.reading(Slot.WHEEL) / constants.max_wheel_speed
+    left = (constants.steps - state.step)[:, None]
+    hold = np.where((left % constants.hold_steps == 0) & (left > 0), constants.hold_steps, left % constants.hold_steps)
+    rates, ends = [omega / RATE, omega / FINE_RATE, wheel], [hold / constants.hold_steps, left / constants.steps]
+    errors, reference = [sigma, sigma / FINE_SIGMA], [flights.reading(Slot.OMEGA_R_B) / REFERENCE_RATE]
+    parts = [*rates, *ends] if camera else [*errors, *rates, *reference, *ends]
+    bounds = [bound for _, _, bound in (CAMERA if camera else STATE)]
+    clipped = [np.clip(part, -bound, bound) for part, bound in zip(parts, bounds, strict=True)]
+    return np.concatenate(clipped, axis=1, dtype=np.float32, casting="same_kind")
