@@ -1,5 +1,6 @@
 """SwarmObserve-v0 over one flyby of one's own: that of `swarm-mj fly`, with rewards, data and faults as documented."""
 
+import copy
 import json
 import pickle
 from dataclasses import dataclass, replace
@@ -210,11 +211,13 @@ def test_by_the_graph_agents_know_what_has_reached_them():
     near = SwarmObserveParallelEnv(scenario="eros-observe", knowledge="graph", observation="entities")
     apart = SwarmObserveParallelEnv(scenario=eros("link.max_range_m=1"), knowledge="graph", observation="entities")
     full = SwarmObserveParallelEnv(scenario="eros-observe", knowledge="full", observation="entities")
-    for env in (near, apart, full):
-        env.reset(options={"flight_seed": 4})
+    begun, *_ = (env.reset(options={"flight_seed": 4})[0] for env in (near, apart, full))
+    kept = copy.deepcopy(begun)
     for k in range(32):
         choice = {agent: (k // 4 + j) % 16 for j, agent in enumerate(full.agents)}
         shown, others, told = (env.step(choice)[0] for env in (near, apart, full))
+    # What was shown once stays as it was.
+    assert all(np.array_equal(part, kept["sc1"][name]) for name, part in begun["sc1"].items())
     # All hear one another: they know all.
     for agent, own in told.items():
         for name, part in own.items():
