@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swarm_mj.coordination.formation.law import FormationLaw, Messaging
-from swarm_mj.coordination.formation.relative_navigation import MESSAGE_BITS, coast
+from swarm_mj.coordination.formation.law import MESSAGE_BITS, FormationLaw, Messaging, coast
 from swarm_mj.coordination.formation.structure import nodes, offset_structure, planned_structure
 from swarm_mj.coordination.formation.tracking import Tracking, in_pulses
 from swarm_mj.coordination.graph import Graph
