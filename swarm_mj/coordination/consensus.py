@@ -48,13 +48,6 @@ def max_degree_weights(adjacency: Mask, step: float | None = None) -> Array:
     return np.eye(len(L)) - step * L
 
 
-def metropolis_weights(adjacency: Mask) -> Array:
-    """Weights that need only the neighbours' degrees: 1 / (1 + max(d_i, d_j)) (Xiao, Boyd and Lall 2005), shape (n, n)."""
-    degree = adjacency.sum(axis=1)
-    W = np.where(adjacency, 1.0 / (1.0 + np.maximum(degree[:, None], degree)), 0.0)
-    return W + np.diag(1.0 - W.sum(axis=1))
-
-
 def average_consensus(values: Array, weights: Array, rounds: int) -> Array:
     """What each holds after each round, shape (rounds + 1, n, ...); groups that hear each other agree on their own means.
 

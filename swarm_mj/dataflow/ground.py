@@ -22,7 +22,7 @@ from swarm_mj.scenarios.constants import DAY, SPEED_OF_LIGHT
 from swarm_mj.scenarios.schema_link import Ground
 from swarm_mj.smallbody.ephemeris import julian_date
 from swarm_mj.smallbody.rotation import equatorial_from_ecliptic
-from swarm_mj.typing import Array, Ints, Mask
+from swarm_mj.typing import Array, Ints
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,11 +152,6 @@ def _terrestrial_from_ecliptic(jd_tdb: Array) -> Array:
     return turned
 
 
-def visible(elevation_deg: Array, min_elevation_deg: float) -> Mask:
-    """Whether a spacecraft stands high enough; of the shape of `elevation_deg`."""
-    return np.asarray(elevation_deg) >= min_elevation_deg
-
-
 def best_station(stations: Sequence[Station], elevation_deg: Array, min_elevation_deg: float) -> Ints:
     """Which station hears: of those that see the spacecraft the most sensitive; of equals the one over which it stands highest.
 
@@ -168,7 +163,7 @@ def best_station(stations: Sequence[Station], elevation_deg: Array, min_elevatio
     Returns:
         Numbers of stations from 0; -1 where none sees it, shape (t,).
     """
-    sees = visible(elevation_deg, min_elevation_deg)
+    sees = elevation_deg >= min_elevation_deg
     g_over_t = np.where(sees, [station.g_over_t_db_k for station in stations], -np.inf)
     most = sees & (g_over_t == g_over_t.max(axis=1, keepdims=True))
     highest: Ints = np.where(most, elevation_deg, -np.inf).argmax(axis=1).astype(np.int64)

@@ -47,12 +47,6 @@ def _at_no_distance(transmitter: Radio, receiver_g_over_t_db_k: float) -> float:
     return transmitter.eirp_dbw - transmitter.losses_db + receiver_g_over_t_db_k - 10.0 * log10(BOLTZMANN)
 
 
-def shannon_bit_s(c_n0_db_hz: Array | float, bandwidth_hz: float) -> Array:
-    """Capacity B log2(1 + C/(N0 B)) of a channel with white noise [bit/s]; of the shape of `c_n0_db_hz`."""
-    snr = 10.0 ** (np.asarray(c_n0_db_hz, np.float64) / 10.0) / bandwidth_hz
-    return bandwidth_hz * np.log1p(snr) / np.log(2.0)
-
-
 def required_c_n0_db_hz(transmitter: Radio, rate_bit_s: float) -> float:
     """Least C/N0 at which a rate closes with the radio's margin [dB Hz]; infinite where no signal would do."""
     per_hertz = rate_bit_s / transmitter.bandwidth_hz

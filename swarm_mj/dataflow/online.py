@@ -16,18 +16,94 @@ A swarm that exchanges no messages shares none of that: each sends all that it t
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from swarm_mj.dataflow.account import ON_EARTH, SPACECRAFT_LOST, STORAGE_FULL, Account, Loss, Transfer
 from swarm_mj.dataflow.network import EARTH, Network
 from swarm_mj.dataflow.tiles import grade
 from swarm_mj.dataflow.transfer import NOBODY, carry, link_rules
 from swarm_mj.errors import MissionError
 from swarm_mj.typing import Array, Ints, Mask
+
+#: Why data are lost: their spacecraft is, there is no room for a new picture, or a copy made room since its tile is on Earth.
+SPACECRAFT_LOST = "spacecraft lost"
+STORAGE_FULL = "storage full"
+ON_EARTH = "tile on Earth"
+
+
+class Transfer(NamedTuple):
+    """Bits that were sent in a slot.
+
+    Attributes:
+        slot: When.
+        sender: Spacecraft that sends.
+        receiver: Spacecraft that receives, -1 for Earth.
+        origin: Spacecraft whose copy of the tile it is.
+        tile: Tile.
+        bits: How many [bit].
+    """
+
+    slot: int
+    sender: int
+    receiver: int
+    origin: int
+    tile: int
+    bits: int
+
+
+class Loss(NamedTuple):
+    """Bits that were lost at the start of a slot.
+
+    Attributes:
+        slot: When.
+        spacecraft: Where they were.
+        origin: Spacecraft whose copy of the tile it was.
+        tile: Tile.
+        bits: How many [bit].
+        reason: 'spacecraft lost', 'storage full' (a new picture), or 'tile on Earth' (a copy that made room).
+    """
+
+    slot: int
+    spacecraft: int
+    origin: int
+    tile: int
+    bits: int
+    reason: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Account:
+    """What became of the pictures of a network of n spacecraft, q tiles and T slots.
+
+    Attributes:
+        aboard_bit: Bits aboard at each edge, shape (T + 1, n).
+        on_earth_bit: Bits on Earth at each edge, shape (T + 1,).
+        lost_bit: Bits lost up to each edge, shape (T + 1,).
+        delivered_slot: Slot in which the last bit of the finest copy of a tile that arrives comes to Earth, T where none does,
+            shape (q,).
+        delivered_origin: Spacecraft whose copy that is, -1 where none is complete, shape (q,).
+        value: Area of the delivered tiles [m^2].
+        transfers: By slot.
+        losses: By slot.
+    """
+
+    aboard_bit: Ints
+    on_earth_bit: Ints
+    lost_bit: Ints
+    delivered_slot: Ints
+    delivered_origin: Ints
+    value: float
+    transfers: tuple[Transfer, ...]
+    losses: tuple[Loss, ...]
+
+    @property
+    def delivered(self) -> Ints:
+        """Tiles that are on Earth, ascending."""
+        return np.flatnonzero(self.delivered_slot < len(self.on_earth_bit) - 1)
 
 
 def run_online(network: Network, relays: Mask, *, shared: bool = True) -> Account:

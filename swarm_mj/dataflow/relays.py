@@ -42,7 +42,9 @@ def k_medoids(distance: Array, k: int) -> Ints:
     n = len(distance)
     check_relays(k, n)
     if comb(n, k) * n > MOST_HELD:
-        return np.array(_exchanged(range(n), k, lambda relays: medoid_cost(distance, relays), _no_bound), np.int64)
+        return np.array(
+            _exchanged(range(n), k, lambda relays: medoid_cost(distance, relays), lambda _: -np.inf), np.int64
+        )
     sets = np.array(list(combinations(range(n), k)), np.int64)
     nearest = distance[sets[:, 0]]
     for column in sets.T[1:]:
@@ -94,10 +96,6 @@ def check_relays(k: int, n: int) -> None:
     """Refuse, by a MissionError, more relays than the n that work, or none."""
     if not 1 <= k <= n:
         raise MissionError(f"data.relays = {k}: must be >= 1 and <= {n}, the spacecraft that can be elected")
-
-
-def _no_bound(relays: tuple[int, ...]) -> float:
-    return -np.inf
 
 
 def _exchanged(who: Sequence[int], k: int, cost_of: OfRelays, least_of: OfRelays) -> tuple[int, ...]:

@@ -42,10 +42,6 @@ class Tiles:
         """Number of tiles."""
         return len(self.area)
 
-    def percent_of_target(self, share: Array, target_area: float) -> float:
-        """What shares of the tiles, shape (q,), are of the whole target [%]."""
-        return 100.0 * float(share @ self.area) / target_area
-
 
 def grade(gsd_m: ArrayLike) -> Array:
     """Grade of ground sampling distances [m], a whole number that is less for what is finer by a factor of `GRADE`."""

@@ -52,8 +52,6 @@ class Program:
         upper: Of the columns, all finite, shape (columns,).
         copies: Spacecraft and tile of the copies, shape (copies, 2).
         links: The links.
-        stays: Spacecraft, first and last edge of what stays aboard, shape (stays, 3).
-        bit_unit: Unit of what stays aboard [bit].
         value_unit: Unit of the values [m^2].
     """
 
@@ -64,8 +62,6 @@ class Program:
     upper: Array
     copies: Ints
     links: Links
-    stays: Ints
-    bit_unit: float
     value_unit: float
 
 
@@ -95,23 +91,18 @@ def build_program(network: Network, neighbours: int | None = None) -> Program:
     c[:n_copies] = -network.value[tiles] / value_unit
 
     balance, aboard = _balance(network, nodes, copies, links, stays, bit_unit)
-    rows = [
-        _at_most_one(tiles, 0),
-        *_access_rows(network, links, n_copies),
-    ]
+    rows = [_at_most_one(tiles, 0), *_access_rows(network, links, n_copies)]
     if network.delay:
         rows.append(_storage_rows(aboard, network.storage_bit, nodes, total, bit_unit))
     a_ub, b_ub = _stacked(rows, n_columns)
     return Program(
         c=c,
-        a_eq=_matrix(balance[0], balance[1], balance[2], (int(nodes.max(initial=-1)) + 1, n_columns)),
+        a_eq=_matrix(*balance, (int(nodes.max(initial=-1)) + 1, n_columns)),
         a_ub=a_ub,
         b_ub=b_ub,
         upper=upper,
         copies=copies,
         links=links,
-        stays=stays,
-        bit_unit=bit_unit,
         value_unit=value_unit,
     )
 
@@ -211,11 +202,8 @@ def _balance(
 
 
 def _joined(entries: list[Entries]) -> Entries:
-    return (
-        np.concatenate([entry[0] for entry in entries]),
-        np.concatenate([entry[1] for entry in entries]),
-        np.concatenate([entry[2] for entry in entries]),
-    )
+    row, column, units = (np.concatenate(parts) for parts in zip(*entries, strict=True))
+    return row, column, units
 
 
 class Inequalities(NamedTuple):

@@ -11,12 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from swarm_mj.dataflow.account import ON_EARTH, SPACECRAFT_LOST, STORAGE_FULL, Account
 from swarm_mj.dataflow.contacts import Contacts, Instants, find_contacts, radios_from, samples_of
 from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.dataflow.ground import earth_schedule
 from swarm_mj.dataflow.network import EARTH, Access, Network
-from swarm_mj.dataflow.online import run_online
+from swarm_mj.dataflow.online import ON_EARTH, SPACECRAFT_LOST, STORAGE_FULL, Account, run_online
 from swarm_mj.dataflow.optimum import SAME, earliest_full, optimum
 from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.dataflow.tiles import Tiles, make_tiles

@@ -104,31 +104,23 @@ class Instruments:
         Args:
             taken: Names that it has already; a sensor of such a name is called `sensor_NAME`.
         """
-        found: dict[str, Variable] = dict(_centres_of_mass(self._centres))
+        words = "of the centre of mass of the whole spacecraft, relative to the asteroid's centre"
+        found = {
+            "r_CN_N": _variable("r_CN_N", self._centres[0], "m", "N", f"position {words}"),
+            "v_CN_N": _variable("v_CN_N", self._centres[1], "m s-1", "N", f"velocity {words}"),
+        }
         for joint, positions, velocities in zip(self._own.joints, self._positions, self._velocities, strict=True):
             name = f"joint_{_word(joint.name)}"
             units, rates = JOINT_UNITS[joint.kind]
-            what = f"{joint.kind} joint {joint.name}"
-            found[f"{name}_position"] = _variable(
-                f"{name}_position", positions, units, "none", f"position of the {what}"
-            )
-            found[f"{name}_velocity"] = _variable(
-                f"{name}_velocity", velocities, rates, "none", f"velocity of the {what}"
-            )
+            for what, values, unit in (("position", positions, units), ("velocity", velocities, rates)):
+                words = f"{what} of the {joint.kind} joint {joint.name}"
+                found[f"{name}_{what}"] = _variable(f"{name}_{what}", values, unit, "none", words)
         for sensor, readings in zip(self._own.sensors, self._readings, strict=True):
             name = _word(sensor.name)
             while name in taken or name in found:
                 name = f"sensor_{name}"
             found[name] = _variable(name, readings, sensor.units, sensor.frame, sensor.long_name)
         return found
-
-
-def _centres_of_mass(centres: Array) -> list[tuple[str, Variable]]:
-    words = "of the centre of mass of the whole spacecraft, relative to the asteroid's centre"
-    return [
-        ("r_CN_N", _variable("r_CN_N", centres[0], "m", "N", f"position {words}")),
-        ("v_CN_N", _variable("v_CN_N", centres[1], "m s-1", "N", f"velocity {words}")),
-    ]
 
 
 def _variable(name: str, values: Array, units: str, frame: str, long_name: str) -> Variable:

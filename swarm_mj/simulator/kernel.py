@@ -122,18 +122,7 @@ def _on_axes(axes: Array, along: Array) -> Any:
 
 @jittable
 def _turn(q: Any, omega: Any, h: Any, u: Any, tau_N: Any, J: Any, inverse: Any, dt: float) -> Any:
-    """One timestep of the attitude and the body rate.
-
-    Args:
-        q: Attitude q_BN at the start.
-        omega: Body rate in B at the start [rad/s].
-        h: Momentum of the wheels in B at the start [kg m^2/s].
-        u: Its rate, the torque on the wheels [N m].
-        tau_N: Torque applied, in N [N m].
-        J: Inertia in B, a tuple of rows [kg m^2].
-        inverse: Its inverse.
-        dt: [s].
-    """
+    """One timestep of the attitude q_BN and the body rate in B; h and u in B as above, J a tuple of rows and its inverse."""
     half = 0.5 * dt
     rate1 = omega
     slope1 = _acceleration(omega, h, combine(-1.0, u, 1.0, _in_body(q, omega, 0.0, tau_N)), J, inverse)

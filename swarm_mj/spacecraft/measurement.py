@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from swarm_mj.spacecraft.elements import name_of, subtree_of
-from swarm_mj.typing import Array, Mask
+from swarm_mj.typing import Array
 
 
 class Measured(NamedTuple):
@@ -63,16 +63,23 @@ def _momentum(model: mujoco.MjModel, data: mujoco.MjData, dof: int) -> Array:
 
 def motor_faults(model: mujoco.MjModel, actuator: int, joint: int) -> str:
     """How an actuator differs from a motor that turns its control, in N m, into a torque on a joint; empty: not at all."""
-    gear = model.actuator_gear[actuator]
+    gear, gain = model.actuator_gear[actuator], model.actuator_gainprm[actuator, 0]
     facts = {
+        "dynamics": model.actuator_dyntype[actuator] != mujoco.mjtDyn.mjDYN_NONE,
+        "a gain that is not constant": model.actuator_gaintype[actuator] != mujoco.mjtGain.mjGAIN_FIXED,
+        "a bias": model.actuator_biastype[actuator] != mujoco.mjtBias.mjBIAS_NONE,
+        "damping": model.actuator_damping[actuator] != 0.0 or model.actuator_dampingpoly[actuator].any(),
+        "an armature": model.actuator_armature[actuator] != 0.0,
+        "a delay": model.actuator_delay[actuator] != 0.0,
+        "several controls": model.actuator_ctrlnum[actuator] != 1,
+        "a plug-in": model.actuator_plugin[actuator] >= 0,
         f"it does not drive the joint {name_of(model, 'joint', joint)}": (
             model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_JOINT or model.actuator_trnid[actuator, 0] != joint
         ),
         f"gear {' '.join(f'{g:g}' for g in gear)}, not 1": gear[0] != 1.0 or gear[1:].any(),
-        f"gain {model.actuator_gainprm[actuator, 0]:g}, not 1": model.actuator_gainprm[actuator, 0] != 1.0,
+        f"gain {gain:g}, not 1": gain != 1.0,
     }
-    drive = [word for word, true in _drive_facts(model).items() if true[actuator]]
-    return " and ".join([*drive, *(word for word, true in facts.items() if true)])
+    return " and ".join(word for word, true in facts.items() if true)
 
 
 def torque_range(model: mujoco.MjModel, actuator: int) -> Array:
@@ -85,17 +92,3 @@ def torque_range(model: mujoco.MjModel, actuator: int) -> Array:
         if limited:
             low, high = max(low, limits[0]), min(high, limits[1])
     return np.array([low, high])
-
-
-def _drive_facts(model: mujoco.MjModel) -> dict[str, Mask]:
-    """How actuators differ from motors that turn their control into torque, each of shape (actuators,)."""
-    return {
-        "dynamics": model.actuator_dyntype != mujoco.mjtDyn.mjDYN_NONE,
-        "a gain that is not constant": model.actuator_gaintype != mujoco.mjtGain.mjGAIN_FIXED,
-        "a bias": model.actuator_biastype != mujoco.mjtBias.mjBIAS_NONE,
-        "damping": (model.actuator_damping != 0.0) | model.actuator_dampingpoly.any(axis=1),
-        "an armature": model.actuator_armature != 0.0,
-        "a delay": model.actuator_delay != 0.0,
-        "several controls": model.actuator_ctrlnum != 1,
-        "a plug-in": model.actuator_plugin >= 0,
-    }

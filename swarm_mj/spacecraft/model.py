@@ -161,18 +161,15 @@ def build_model(
         strip(spec)
         strip(part)
         spec.memory = n * STACK_BYTES
-    for name in spacecraft_names(n):
+    names = spacecraft_names(n)
+    for name in names:
         spec.attach(part.copy(), frame=spec.worldbody.add_frame(), prefix=f"{name}_")
-    layout = resolve_layout(
-        compiled := compile_spec(spec),
-        spacecraft_names(n),
-        hub=HUB,
-        wheels=wheel_names(properties),
-    )
+    compiled = compile_spec(spec)
+    layout = resolve_layout(compiled, names, hub=HUB, wheels=wheel_names(properties))
     _require_plain_layout(compiled, layout, properties)
     return SwarmModel(
         mjmodel=compiled,
-        names=spacecraft_names(n),
+        names=names,
         layout=layout,
         asteroid_mocap=int(compiled.body("asteroid").mocapid[0]),
         properties=properties,

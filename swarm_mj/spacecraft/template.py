@@ -101,7 +101,8 @@ def strip(spec: mujoco.MjSpec) -> None:
 
 def _lay_out_wheels(part: mujoco.MjSpec, properties: SpacecraftProperties) -> None:
     """Put wheels about any axes in the place of the three orthogonal ones."""
-    material, radius, half_height = _drawn_wheel(part)
+    drawn = part.geom(WHEELS[0])
+    material, radius, half_height = drawn.material, float(drawn.size[0]), float(drawn.size[1])
     for name in WHEELS:
         part.delete(part.body(name))
     hub = part.body(HUB)
@@ -111,20 +112,13 @@ def _lay_out_wheels(part: mujoco.MjSpec, properties: SpacecraftProperties) -> No
     for number, (axis, z) in enumerate(zip(properties.wheel_axes_B, properties.wheel_stations_m, strict=True), 1):
         name = f"wheel_{number}"
         wheel = hub.add_body(name=name, pos=[0.0, 0.0, z], mass=properties.wheel_mass, explicitinertial=True)
-        wheel.ipos, wheel.fullinertia = (
-            [0.0, 0.0, 0.0],
-            _six(transverse * np.eye(3) + (spin - transverse) * np.outer(axis, axis)),
-        )
+        wheel.ipos = [0.0, 0.0, 0.0]
+        wheel.fullinertia = _six(transverse * np.eye(3) + (spin - transverse) * np.outer(axis, axis))
         wheel.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis.tolist())
         geom = wheel.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[radius, half_height, 0.0], mass=0.0)
         geom.alt.zaxis, geom.material, geom.contype, geom.conaffinity, geom.group = axis.tolist(), material, 0, 0, 1
         motor = part.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         motor.ctrlrange = [-properties.max_wheel_torque, properties.max_wheel_torque]
-
-
-def _drawn_wheel(part: mujoco.MjSpec) -> tuple[str, float, float]:
-    geom = part.geom(WHEELS[0])
-    return geom.material, float(geom.size[0]), float(geom.size[1])
 
 
 def _six(tensor: Array) -> list[float]:

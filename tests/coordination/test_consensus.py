@@ -63,17 +63,6 @@ def test_beyond_the_best_step_the_largest_eigenvalue_says_how_differences_shrink
     assert ratio[-1] == pytest.approx(0.5, rel=1e-6) and ratio[-1] != pytest.approx(1.0 - 0.25 * 3.0, rel=0.5)
 
 
-def test_metropolis_weights_are_doubly_stochastic_and_keep_the_mean_on_an_uneven_graph():
-    A = path(6)
-    A[0, 2:] = A[2:, 0] = True
-    W = consensus.metropolis_weights(A)
-    np.testing.assert_allclose(W.sum(axis=0), 1.0)
-    np.testing.assert_allclose(W.sum(axis=1), 1.0)
-    assert (W >= 0).all()
-    held = consensus.average_consensus(np.arange(6.0)[:, None] * [1.0, -2.0], W, 200)
-    np.testing.assert_allclose(held[-1], np.tile([2.5, -5.0], (6, 1)), atol=1e-9)
-
-
 def test_groups_that_do_not_hear_each_other_agree_on_their_own_means():
     A = np.zeros((5, 5), bool)
     A[:2, :2], A[2:, 2:] = complete(2), complete(3)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swarm_mj.dataflow.ground import NETWORKS, Station, best_station, elevations_deg, stations_from, visible
+from swarm_mj.dataflow.ground import NETWORKS, Station, best_station, elevations_deg, stations_from
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.schema_link import Ground, GroundStation
 
@@ -129,7 +129,7 @@ def test_three_complexes_lose_nothing_near_the_equator_and_the_mask_decides():
     elevation = elevations_deg(NETWORKS["dsn"], jd, np.tile(FAR * ecliptic(80.0, 5.0), (288, 1)))
     assert (best_station(NETWORKS["dsn"], elevation, 10.0) >= 0).all()
     assert (best_station(NETWORKS["dsn"], elevation, 60.0) == -1).any()
-    assert visible(np.array([9.99, 10.0]), 10.0).tolist() == [False, True]
+    assert best_station(NETWORKS["dsn"][:1], np.array([[9.99], [10.0]]), 10.0).tolist() == [-1, 0]
 
 
 def test_the_most_sensitive_station_hears_and_of_equals_the_one_it_stands_highest_over():

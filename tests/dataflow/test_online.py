@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swarm_mj.dataflow.account import ON_EARTH, SPACECRAFT_LOST, STORAGE_FULL, Loss, Transfer, check_conservation
 from swarm_mj.dataflow.network import Access
-from swarm_mj.dataflow.online import run_online
+from swarm_mj.dataflow.online import ON_EARTH, SPACECRAFT_LOST, STORAGE_FULL, Loss, Transfer, run_online
 from swarm_mj.dataflow.optimum import optimum
 from swarm_mj.errors import MissionError
 from tests.dataflow.brute import random_network
@@ -49,6 +48,27 @@ def fly(account, network, relays):
             assert whole == (account.delivered_slot[q] <= t)
 
 
+def check_conservation(account, network):
+    """At every edge seen = delivered + aboard + lost, to the bit, and transfers and losses tell the same."""
+    seen, taken = network.seen, np.zeros_like(account.aboard_bit)
+    np.add.at(taken, (network.ready[seen], np.nonzero(seen)[0]), network.bits[seen])
+    earth, lost, change = np.zeros_like(account.on_earth_bit), np.zeros_like(account.lost_bit), taken.copy()
+    for sent in account.transfers:
+        change[sent.slot + 1, sent.sender] -= sent.bits
+        if sent.receiver < 0:
+            earth[sent.slot + 1] += sent.bits
+        else:
+            change[sent.slot + 1, sent.receiver] += sent.bits
+    for loss in account.losses:
+        lost[loss.slot] += loss.bits
+        change[loss.slot, loss.spacecraft] -= loss.bits
+    total = account.on_earth_bit + account.aboard_bit.sum(axis=1) + account.lost_bit
+    assert (total == taken.sum(axis=1).cumsum()).all(), "seen = delivered + aboard + lost"
+    assert (account.on_earth_bit == earth.cumsum()).all(), "delivered bits and transfers to Earth"
+    assert (account.lost_bit == lost.cumsum()).all(), "lost bits and losses"
+    assert (account.aboard_bit == change.cumsum(axis=0)).all(), "bits aboard, pictures, transfers and losses"
+
+
 def check_shares(network, sent, relay):
     """The shares of one slot, as fractions."""
     n = network.n_spacecraft
@@ -82,7 +102,6 @@ def test_every_bit_is_aboard_on_earth_or_lost_and_the_optimum_is_not_beaten(seed
     fly(account, network, relays)
     assert account.value <= optimum(network).bound + 1e-9
     assert account.value == pytest.approx(network.value[account.delivered].sum())
-    assert account.value_over_time(network)[-1] == pytest.approx(account.value)
 
 
 def last_is_relay(network):
@@ -220,8 +239,8 @@ def test_relays_of_another_shape_and_accounts_with_a_missing_bit_are_told():
         run_online(network, np.ones(2, np.bool_))
     account = run_online(network, last_is_relay(network))
     account.aboard_bit[2, 1] -= 1
-    with pytest.raises(MissionError, match="seen = delivered .* differ at edge 2: 7 and 8 bit"):
+    with pytest.raises(AssertionError, match="seen = delivered"):
         check_conservation(account, network)
     account.aboard_bit[2, 0] += 1
-    with pytest.raises(MissionError, match="bits aboard spacecraft 0"):
+    with pytest.raises(AssertionError, match="bits aboard"):
         check_conservation(account, network)

@@ -40,7 +40,6 @@ def test_grades_of_ground_sampling_distance_differ_by_a_tenth():
 def test_nobody_saw_anything():
     tiles = make_tiles(AREA, np.full((2, 4), np.nan), BITS, GSD_M)
     assert tiles.count == 0 and (tiles.of_cell == -1).all() and tiles.bits.shape == (2, 0)
-    assert tiles.percent_of_target(np.empty(0), 17.0) == 0.0
 
 
 @settings(deadline=None)
@@ -54,9 +53,6 @@ def test_tiles_are_disjoint_and_hold_all_that_was_seen(seen_s, size):
     seen = ~np.isnan(seen_s)
     assert ((tiles.of_cell >= 0) == seen.any(axis=0)).all()
     assert tiles.area.sum() == pytest.approx(area[seen.any(axis=0)].sum())
-    assert tiles.percent_of_target(np.ones(tiles.count), area.sum()) == pytest.approx(
-        100 * area[seen.any(axis=0)].sum() / area.sum()
-    )
     for j in range(3):
         bits = size[j, seen[j]].sum()
         assert bits - 1e-6 <= tiles.bits[j].sum() <= bits + tiles.count

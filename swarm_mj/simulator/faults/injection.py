@@ -272,8 +272,7 @@ class FaultInjection:
         if detection_s > 0.0:
             t = self._state.time
             loss = SpacecraftLost(kind="spacecraft_lost", spacecraft="any")
-            entry = ScheduledFault(t, j, (), np.inf, t + detection_s, loss)
-            self._notices.append((t + detection_s, entry))
+            self._notices.append((t + detection_s, ScheduledFault(t, j, (), np.inf, loss)))
         else:
             self._known_lost[j] = True
 

@@ -56,7 +56,6 @@ class ScheduledFault:
     spacecraft: int  #: to whom, counted from 0, or `RELAY`
     wheels: tuple[int, ...]  #: to which wheels, counted from 0; empty where the fault is of no wheel
     over_s: float  #: when it is over [s]; infinite: never
-    detected_s: float  #: when the flight software or the swarm knows [s]
     fault: Fault  #: its parameters
 
 
@@ -166,6 +165,5 @@ def _scheduled(fault: Any, j: int, moment: float, which: float, n_wheels: int, d
         spacecraft=j,
         wheels=wheels,
         over_s=inf if lasts is None else time + lasts,
-        detected_s=time + getattr(fault, "detection_s", 0.0),
         fault=fault,
     )

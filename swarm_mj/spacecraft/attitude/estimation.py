@@ -241,17 +241,7 @@ def _seen(j: int, q: Quaternion, noise: Array, sensors: Sensors) -> Quaternion:
 def _measured(
     j: int, turned: Vector, omega: Vector, period: float, noise: Array, sensors: Sensors, state: FilterState
 ) -> tuple[Vector, Vector]:
-    """Rotation over the period and rate as the gyro gives them, less the estimated bias; the true bias walks on.
-
-    Args:
-        j: Number of the spacecraft.
-        turned: True rotation over the period [rad].
-        omega: True rate [rad/s].
-        period: [s].
-        noise: See `estimate`.
-        sensors: The same.
-        state: The same.
-    """
+    """Rotation over the period and rate as the gyro gives the true ones, less the estimated bias; the true bias walks on."""
     walk, gyro = sensors.bias_walk[j], sensors.gyro_noise[j]
     white = sqrt(gyro * gyro / period + walk * walk * period / 12.0)
     before = vector(state.true_bias, j)

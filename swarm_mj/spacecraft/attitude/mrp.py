@@ -43,12 +43,6 @@ def quaternion_from_mrp(sigma_BN: ArrayLike) -> Array:
     return np.concatenate([1.0 - square, 2.0 * sigma], axis=-1) / (1.0 + square)
 
 
-def shadow(sigma: ArrayLike) -> Array:
-    """Return the other MRP of the same attitude, -sigma / |sigma|^2 (infinite for sigma = 0), shape (..., 3)."""
-    sigma = np.asarray(sigma, dtype=np.float64)
-    return -sigma / np.sum(sigma * sigma, axis=-1, keepdims=True)
-
-
 def dcm(sigma_BN: ArrayLike) -> Array:
     """Return the direction cosine matrices C_BN (v_B = C_BN v_N) of MRPs of either set.
 
@@ -100,12 +94,6 @@ def mrp_rate(sigma_BN: ArrayLike, omega_BN_B: ArrayLike) -> Array:
     square = np.sum(sigma * sigma, axis=-1, keepdims=True)
     along = np.sum(sigma * omega, axis=-1, keepdims=True)
     return 0.25 * ((1.0 - square) * omega + 2.0 * np.cross(sigma, omega) + 2.0 * along * sigma)
-
-
-def principal_angle(sigma: ArrayLike) -> Array:
-    """Return the principal rotation angle of MRPs of either set, taken the short way [rad], 0 to pi, shape (...)."""
-    angle = 4.0 * np.arctan(np.linalg.norm(np.asarray(sigma, dtype=np.float64), axis=-1))
-    return np.minimum(angle, 2.0 * np.pi - angle)
 
 
 def _product(a: Array, b: Array) -> Array:

@@ -12,20 +12,16 @@ Source: Schaub & Junkins, Analytical Mechanics of Space Systems, sections 8.4 an
 """
 
 from dataclasses import dataclass
-from decimal import ROUND_DOWN, Context
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
-from swarm_mj.errors import ScenarioError
+from swarm_mj.errors import ScenarioError, at_most
 from swarm_mj.spacecraft.attitude.algebra import combine, cross, put_vector, times, vector
 from swarm_mj.spacecraft.control.base import ControlInput, require_above
 from swarm_mj.spacecraft.control.compiled import CompiledLaw, torque_by
 from swarm_mj.typing import Array
-
-#: How a message gives the longest period: rounded up, a period that obeys it could still be refused.
-_DOWN = Context(prec=3, rounding=ROUND_DOWN)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,11 +81,10 @@ class MrpFeedback:
             ScenarioError: The control period is too long for the gains, so that the loop would oscillate.
         """
         if inputs.period >= self.longest_period:
-            longest = float(_DOWN.create_decimal_from_float(self.longest_period))
             raise ScenarioError(
                 f"{self.name}: a control period of {inputs.period:g} s is too long for frequency = {self.frequency:g} "
                 f"rad/s and damping_ratio = {self.damping_ratio:g}: the loop would oscillate. Shorten the period below "
-                f"{longest:g} s or lower the frequency."
+                f"{at_most(self.longest_period, 3)} s or lower the frequency."
             )
         torque_B = torque_by(CompiledLaw(write_torque, self._numbers), inputs)
         if self.integral_gain == 0.0:

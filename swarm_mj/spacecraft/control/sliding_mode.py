@@ -16,16 +16,14 @@ Applied Nonlinear Control, chapter 7 (boundary layer, gain under uncertainty); S
 """
 
 from dataclasses import dataclass
-from decimal import ROUND_DOWN, Context
 from functools import cached_property
 from math import inf, sqrt
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from swarm_mj.compilation import jittable
-from swarm_mj.errors import ScenarioError
+from swarm_mj.errors import ScenarioError, at_most
 from swarm_mj.spacecraft.attitude.algebra import (
     Vector,
     combine,
@@ -43,8 +41,6 @@ from swarm_mj.typing import Array
 
 #: A loop whose torque is held over a period is unstable when its rate gain times the period reaches this value.
 _STABILITY_LIMIT = 2.0
-#: How a message gives the longest period: rounded up, a period that obeys it could still be refused.
-_DOWN = Context(prec=3, rounding=ROUND_DOWN)
 
 
 class Gains(NamedTuple):
@@ -125,11 +121,10 @@ class MrpSlidingMode:
         """
         gain = self._fastest_gain(inputs.inertia_effective_B)
         if gain * inputs.period >= _STABILITY_LIMIT:
-            longest = float(_DOWN.create_decimal_from_float(_STABILITY_LIMIT / gain))
             raise ScenarioError(
                 f"{self.name}: a control period of {inputs.period:g} s is too long for layer = {self.layer:g} rad/s: "
-                f"the loop, with a rate gain of {gain:.3g} 1/s, would oscillate. Shorten the period below {longest:g} s, "
-                "widen the layer, or lower reaching_rate or disturbance_torque."
+                f"the loop, with a rate gain of {gain:.3g} 1/s, would oscillate. Shorten the period below "
+                f"{at_most(_STABILITY_LIMIT / gain, 3)} s, widen the layer, or lower reaching_rate or disturbance_torque."
             )
         return torque_by(self.compiled(), inputs), memory
 
@@ -152,13 +147,6 @@ class MrpSlidingMode:
         at_rest = _gain_at_rest(np.diagonal(J_eff, axis1=1, axis2=2), Gains(*self._numbers))
         decay = at_rest.max() / self.layer + self.damping + 0.25 * self.slope
         return float((1.0 + self.inertia_uncertainty) * decay)
-
-    def sliding_variable(self, sigma_BR: ArrayLike, omega_BR_B: ArrayLike) -> Array:
-        """Return s [rad/s], shape (..., 3), of attitude errors (|sigma| <= 1) and rate errors [rad/s], (..., 3)."""
-        sigma = np.asarray(sigma_BR, dtype=np.float64)
-        limit = inf if self.rate_limit is None else self.rate_limit
-        steepness = (self.slope / limit) ** 2 * np.sum(sigma * sigma, axis=-1, keepdims=True)
-        return np.asarray(omega_BR_B, dtype=np.float64) + self.slope * sigma / np.sqrt(1.0 + steepness)
 
 
 def write_torque(
@@ -233,10 +221,6 @@ def _model_error(on_manifold: float, gyroscopic: float, uncertainty: float) -> f
 
     The gyroscopic torque of axis j is omega_k omega_l (J_l - J_k), and each true moment of inertia is at most
     1 / (1 - uncertainty) of the one given; dividing by the true J_eff costs at most a factor 1 + uncertainty.
-
-    Args:
-        on_manifold: What is commanded [rad/s^2].
-        gyroscopic: |omega_k omega_l| (J_k + J_l) / J_eff of the axis [rad/s^2].
-        uncertainty: See `Gains`.
+    `gyroscopic` is |omega_k omega_l| (J_k + J_l) / J_eff [rad/s^2].
     """
     return uncertainty * (abs(on_manifold) + (1.0 + uncertainty) / (1.0 - uncertainty) * gyroscopic)

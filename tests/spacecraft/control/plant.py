@@ -19,7 +19,7 @@ from swarm_mj.spacecraft.attitude.guidance import (
     pointing_error,
     track_line_of_sight,
 )
-from swarm_mj.spacecraft.control import ControlInput, Controller
+from swarm_mj.spacecraft.control import ControlInput, Controller, MrpSlidingMode
 
 Floats = NDArray[np.float64]
 
@@ -186,3 +186,10 @@ def rotate(q: Floats, v: Floats) -> Floats:
 def unit(rows: Floats) -> Floats:
     """Return the rows scaled to unit length."""
     return rows / np.linalg.norm(rows, axis=-1, keepdims=True)
+
+
+def sliding_variable(law: MrpSlidingMode, sigma: Floats, omega: Floats) -> Floats:
+    """Return s of the law's docstring, of rows (..., 3) of attitude and rate errors."""
+    limit = np.inf if law.rate_limit is None else law.rate_limit
+    size = np.linalg.norm(sigma, axis=-1, keepdims=True)
+    return omega + law.slope * sigma / np.hypot(1.0, law.slope * size / limit)

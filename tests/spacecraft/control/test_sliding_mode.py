@@ -18,6 +18,7 @@ from .plant import (
     fly,
     multiply,
     rotate,
+    sliding_variable,
     unit,
 )
 
@@ -51,7 +52,7 @@ def adverse(state: State, direction: np.ndarray) -> Plant:
     def push(t: float, now: State) -> np.ndarray:
         q_BR = multiply(q_RN * [1, -1, -1, -1], now.q)
         q_BR = np.where(q_BR[:, :1] < 0, -q_BR, q_BR)
-        return 1e-4 * np.sign(LAW.sliding_variable(q_BR[:, 1:] / (1 + q_BR[:, :1]), now.omega))
+        return 1e-4 * np.sign(sliding_variable(LAW, q_BR[:, 1:] / (1 + q_BR[:, :1]), now.omega))
 
     return Plant(external=push)
 
@@ -69,7 +70,7 @@ def wave(_state: State, _direction: np.ndarray) -> Plant:
 
 def late(flight: Flight) -> np.ndarray:
     """Which components of s, (n, 3), are outside the boundary layer at any sample later than |s0| / eta."""
-    s = np.abs(LAW.sliding_variable(flight.sigma_BR, flight.omega_BR))
+    s = np.abs(sliding_variable(LAW, flight.sigma_BR, flight.omega_BR))
     deadline = s[0] / LAW.reaching_rate
     return np.any((s > LAW.layer) & (flight.time[:, None, None] > deadline), axis=0)
 
@@ -83,7 +84,7 @@ def test_the_layer_is_reached_within_s0_over_eta_and_never_left(
     state, direction = starts(np.random.default_rng(4))
     plant = disturbance(state, direction)
     flight = fly(law, state, fixed_direction(direction), 45.0, period=period, plant=plant, model=wrong_models())
-    start = np.abs(LAW.sliding_variable(flight.sigma_BR[0], flight.omega_BR[0]))
+    start = np.abs(sliding_variable(LAW, flight.sigma_BR[0], flight.omega_BR[0]))
     assert (start.max(axis=1) > 2 * LAW.layer).mean() > 0.9, "the test must start outside the layer"
     assert (start / LAW.reaching_rate).max() < 40.0, "the test must last longer than the deadline"
     assert np.abs(flight.wheels).max() * WHEEL_INERTIA < WHEEL_MOMENTUM, "the guarantee assumes wheels below top speed"
@@ -94,7 +95,7 @@ def test_each_component_outside_the_layer_shrinks_at_least_at_eta() -> None:
     state, direction = starts(np.random.default_rng(7))
     plant = adverse(state, direction)
     flight = fly(LAW, state, fixed_direction(direction), 20.0, period=0.05, plant=plant, model=wrong_models())
-    s = np.abs(LAW.sliding_variable(flight.sigma_BR, flight.omega_BR))
+    s = np.abs(sliding_variable(LAW, flight.sigma_BR, flight.omega_BR))
     assert np.abs(flight.asked).max() < WHEEL_TORQUE
     outside = s[:-1] > 1.05 * LAW.layer
     assert np.all((s[1:] - s[:-1])[outside] <= -0.05 * LAW.reaching_rate)
@@ -123,7 +124,7 @@ def test_under_a_constant_torque_s_rests_where_the_linear_layer_balances_it() ->
     J_eff = INERTIA[0, 0] - WHEEL_INERTIA
     gain = (law.reaching_rate + 1.2 * law.disturbance_torque / J_eff) / 0.8 / law.layer + law.damping
     rest = 2e-6 / J_eff / gain
-    s = law.sliding_variable(flight.sigma_BR[-1], flight.omega_BR[-1])
+    s = sliding_variable(law, flight.sigma_BR[-1], flight.omega_BR[-1])
     assert s[0, 0] == pytest.approx(rest, rel=1e-3)
     assert flight.pointing[-1, 0] == pytest.approx(4 * rest / law.slope, rel=1e-3)
 
