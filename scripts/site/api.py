@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import shutil
 from collections.abc import Iterator, Sequence
 from functools import cache
@@ -15,6 +16,9 @@ ROOT = Path(__file__).parents[2]
 SOURCES = ROOT / "build" / "api"
 #: Packages that stand beside the library and are imported as parts of it.
 BESIDE = ("envs",)
+#: What is said of a field beside it, or above it; the reader of docstrings knows only a string below it.
+BESIDE_A_FIELD = re.compile(r"^( *)(\w+(?::| =) .+?)  #: (.+)$", re.MULTILINE)
+ABOVE_A_FIELD = re.compile(r"^    #: (.+(?:\n    #: .+)*)\n(    \w+: .*[^(\[{\n])$", re.MULTILINE)
 
 
 class Module(NamedTuple):
@@ -46,6 +50,19 @@ def lay_out() -> None:
     shutil.copytree(ROOT / "swarm_mj", SOURCES / "swarm_mj", ignore=only_code)
     for name in BESIDE:
         shutil.copytree(ROOT / name, SOURCES / "swarm_mj" / name, ignore=only_code)
+    for path in SOURCES.rglob("*.py"):
+        path.write_text(with_fields_described(path.read_text("utf-8")), "utf-8")
+
+
+def with_fields_described(code: str) -> str:
+    """Python code in which the `#:` comments of fields stand below them as docstrings."""
+
+    def string(comment: str) -> str:
+        says = " ".join(line.strip().removeprefix("#: ") for line in comment.split("\n"))
+        return repr(f"{says[0].upper()}{says[1:]}.")
+
+    code = ABOVE_A_FIELD.sub(lambda m: f"{m[2]}\n    {string(m[1])}", code)
+    return BESIDE_A_FIELD.sub(lambda m: f"{m[1]}{m[2]}\n{m[1]}{string(m[3])}", code)
 
 
 @cache

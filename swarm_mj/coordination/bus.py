@@ -19,17 +19,11 @@ from swarm_mj.typing import Array, Ints
 
 @dataclass(eq=False, kw_only=True)
 class MessageLog:
-    """What the messages of a flight came to, for its telemetry.
+    """What the messages of a flight came to, for its telemetry."""
 
-    Attributes:
-        time_s: Of each entry [s].
-        bits: Sent by each up to then [bit].
-        airtime_s: For how long each has sent up to then [s].
-    """
-
-    time_s: list[float] = field(default_factory=list)
-    bits: list[Ints] = field(default_factory=list)
-    airtime_s: list[Array] = field(default_factory=list)
+    time_s: list[float] = field(default_factory=list)  #: of each entry [s]
+    bits: list[Ints] = field(default_factory=list)  #: sent by each up to then [bit]
+    airtime_s: list[Array] = field(default_factory=list)  #: for how long each has sent up to then [s]
 
     def note(self, t: float, bus: Bus) -> None:
         """Add what was sent by a time [s]."""
@@ -45,21 +39,13 @@ class MessageLog:
 
 
 class Message(NamedTuple):
-    """A message on its way to one receiver.
+    """A message on its way to one receiver."""
 
-    Attributes:
-        arrives_s: When it is there [s].
-        number: In the order of sending.
-        sender: Who says it, from 0.
-        receiver: Who hears it.
-        payload: What it says; nobody may change it.
-    """
-
-    arrives_s: float
-    number: int
-    sender: int
-    receiver: int
-    payload: Any
+    arrives_s: float  #: when it is there [s]
+    number: int  #: in the order of sending
+    sender: int  #: who says it, from 0
+    receiver: int  #: who hears it
+    payload: Any  #: what it says; nobody may change it
 
 
 @dataclass(eq=False)

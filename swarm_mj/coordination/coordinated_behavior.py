@@ -37,50 +37,30 @@ PARTS = {
 
 
 class CoordinationEvent(NamedTuple):
-    """Something that a spacecraft came to know or did.
+    """Something that a spacecraft came to know or did."""
 
-    Attributes:
-        time_s: When [s].
-        spacecraft: Who, from 0.
-        kind: 'silent' (takes another for lost), 'relays' or 'steps down'.
-        detail: In words.
-    """
-
-    time_s: float
-    spacecraft: int
-    kind: str
-    detail: str
+    time_s: float  #: when [s]
+    spacecraft: int  #: who, from 0
+    kind: str  #: 'silent' (takes another for lost), 'relays' or 'steps down'
+    detail: str  #: in words
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CoordinationPlan:
-    """What a coordinated swarm is given before its release.
+    """What a coordinated swarm is given before its release."""
 
-    Attributes:
-        encounter: The table of what can be shown when.
-        pictures: Of each observer as planned.
-        sensing: 'own', 'plan' or 'auction'.
-        relay: 'own', 'plan' or 'election'.
-        succession: Place of each spacecraft in the order in which they relay, the planned relay first, shape (n,).
-        cells_shown: What the picture of a spacecraft shows at an instant, by a view and its number, shape (cells,).
-        graph: The links at an instant, by a view and what all track.
-        silence_s: See `Knowledge`.
-        seed: Of lost messages.
-        access: Of the channel.
-        dedicated_communications: Whether the last spacecraft takes no pictures.
-    """
-
-    encounter: Encounter
-    pictures: tuple[Schedule, ...]
-    sensing: str
-    relay: str
-    succession: Ints
+    encounter: Encounter  #: the table of what can be shown when
+    pictures: tuple[Schedule, ...]  #: of each observer as planned
+    sensing: str  #: 'own', 'plan' or 'auction'
+    relay: str  #: 'own', 'plan' or 'election'
+    succession: Ints  #: place of each spacecraft in the order in which they relay, the planned relay first, shape (n,)
+    #: what the picture of a spacecraft shows at an instant, by a view and its number, shape (cells,)
     cells_shown: Callable[[SwarmView, int], Mask]
-    graph: Callable[[SwarmView, Targets], Graph]
-    silence_s: float
-    seed: int
-    access: Access
-    dedicated_communications: bool = False
+    graph: Callable[[SwarmView, Targets], Graph]  #: the links at an instant, by a view and what all track
+    silence_s: float  #: see `Knowledge`
+    seed: int  #: of lost messages
+    access: Access  #: of the channel
+    dedicated_communications: bool = False  #: whether the last spacecraft takes no pictures
 
     @property
     def n(self) -> int:

@@ -39,23 +39,15 @@ LONGEST_S = 600.0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Encounter:
-    """What a observers can show with m aims in k slots of c cells.
+    """What a observers can show with m aims in k slots of c cells."""
 
-    Attributes:
-        slot_s: When pictures are taken, past the epoch [s], shape (k,).
-        aims_A: Points to aim at, shape (m, 3) [m].
-        shows: Whether the picture of observer a at aim m in slot k shows cell c, however the camera is rolled, (a, m, k, c).
-        slew: Slots from an observer's picture of one aim to one of another, shape (a, m, m).
-        area: Of the cells, shape (c,) [m^2].
-        interval_s: What `slew` counts: between a spacecraft's pictures [s].
-    """
-
-    slot_s: Array
-    aims_A: Array
+    slot_s: Array  #: when pictures are taken, past the epoch [s], shape (k,)
+    aims_A: Array  #: points to aim at, shape (m, 3) [m]
+    #: whether the picture of observer a at aim m in slot k shows cell c, however the camera is rolled, (a, m, k, c)
     shows: Mask
-    slew: Ints
-    area: Array
-    interval_s: float
+    slew: Ints  #: slots from an observer's picture of one aim to one of another, shape (a, m, m)
+    area: Array  #: of the cells, shape (c,) [m^2]
+    interval_s: float  #: what `slew` counts: between a spacecraft's pictures [s]
 
     @property
     def n_cells(self) -> int:
@@ -68,19 +60,12 @@ class Encounter:
 
 
 class Track(NamedTuple):
-    """Where everything will be at k instants, if nothing disturbs the plan.
+    """Where everything will be at k instants, if nothing disturbs the plan."""
 
-    Attributes:
-        r_A: Places of the observers in A, shape (k, a, 3) [m].
-        v_A: Their velocities relative to A, in A, shape (k, a, 3) [m/s].
-        free: Whether each has left the mothership: before, it takes no pictures, shape (k, a).
-        sun_A: Direction to the Sun in A, shape (k, 3).
-    """
-
-    r_A: Array
-    v_A: Array
-    free: Mask
-    sun_A: Array
+    r_A: Array  #: places of the observers in A, shape (k, a, 3) [m]
+    v_A: Array  #: their velocities relative to A, in A, shape (k, a, 3) [m/s]
+    free: Mask  #: whether each has left the mothership: before, it takes no pictures, shape (k, a)
+    sun_A: Array  #: direction to the Sun in A, shape (k, 3)
 
 
 def aim_points(region: TargetRegion, camera: CameraModel, distance: float) -> Array:

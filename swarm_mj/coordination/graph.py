@@ -16,19 +16,12 @@ from swarm_mj.typing import Array, Ints, Mask
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Graph:
-    """Links of n spacecraft, from row to column.
+    """Links of n spacecraft, from row to column."""
 
-    Attributes:
-        rate_bit_s: Fastest rate that closes, 0 where none does, shape (n, n) [bit/s].
-        delay_s: Of the way, without sending, shape (n, n) [s].
-        loss: Chance that a message is lost on the way, shape (n, n) [-].
-        works: Who sends and hears, shape (n,).
-    """
-
-    rate_bit_s: Array
-    delay_s: Array
-    loss: Array
-    works: Mask
+    rate_bit_s: Array  #: fastest rate that closes, 0 where none does, shape (n, n) [bit/s]
+    delay_s: Array  #: of the way, without sending, shape (n, n) [s]
+    loss: Array  #: chance that a message is lost on the way, shape (n, n) [-]
+    works: Mask  #: who sends and hears, shape (n,)
 
     @property
     def n(self) -> int:

@@ -18,19 +18,12 @@ HEAD_BITS = 64
 
 
 class Report(NamedTuple):
-    """A message: all that its sender knows.
+    """A message: all that its sender knows."""
 
-    Attributes:
-        heard_s: When what it knows of each was true [s], shape (n,).
-        held: What it knows each to hold pictures of, shape (n, cells).
-        stands: Who, as far as it knows, speaks to Earth, shape (n,).
-        claims: What it thinks of the auction; None where none is held.
-    """
-
-    heard_s: Array
-    held: Mask
-    stands: Mask
-    claims: Claims | None
+    heard_s: Array  #: when what it knows of each was true [s], shape (n,)
+    held: Mask  #: what it knows each to hold pictures of, shape (n, cells)
+    stands: Mask  #: who, as far as it knows, speaks to Earth, shape (n,)
+    claims: Claims | None  #: what it thinks of the auction; None where none is held
 
 
 class Knowledge:

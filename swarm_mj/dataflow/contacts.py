@@ -24,17 +24,11 @@ _STATION = int(Obstacle.STATION)
 
 
 class Radios(NamedTuple):
-    """The radios of every spacecraft as compiled code takes them.
+    """The radios of every spacecraft as compiled code takes them."""
 
-    Attributes:
-        beams: Their antennas.
-        swarm: Rates between two spacecraft by range.
-        earth: Rates by range to each of s stations, arrays of shape (s, k).
-    """
-
-    beams: Antennas
-    swarm: RateTable
-    earth: RateTable
+    beams: Antennas  #: their antennas
+    swarm: RateTable  #: rates between two spacecraft by range
+    earth: RateTable  #: rates by range to each of s stations, arrays of shape (s, k)
 
 
 def radios_from(link: Link, beams: Antennas) -> Radios:
@@ -51,27 +45,16 @@ def radios_from(link: Link, beams: Antennas) -> Radios:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Instants:
-    """The swarm at some instants, as its radios see it.
+    """The swarm at some instants, as its radios see it."""
 
-    Attributes:
-        t: Past the epoch [s], shape (m,).
-        r_BN_N: Positions [m], shape (m, n, 3).
-        C_BN: Rotations from N to B, shape (m, n, 3, 3).
-        C_AN: Rotations from N to A, shape (m, 3, 3).
-        earth_N: Position of Earth [m], shape (m, 3).
-        mode: `TargetKind` of what each tracks, shape (m, n).
-        tracked: Spacecraft that is tracked, from 0, where mode is SPACECRAFT, shape (m, n).
-        works: Who works, shape (m, n).
-    """
-
-    t: Array
-    r_BN_N: Array
-    C_BN: Array
-    C_AN: Array
-    earth_N: Array
-    mode: Ints
-    tracked: Ints
-    works: Mask
+    t: Array  #: past the epoch [s], shape (m,)
+    r_BN_N: Array  #: positions [m], shape (m, n, 3)
+    C_BN: Array  #: rotations from N to B, shape (m, n, 3, 3)
+    C_AN: Array  #: rotations from N to A, shape (m, 3, 3)
+    earth_N: Array  #: position of Earth [m], shape (m, 3)
+    mode: Ints  #: `TargetKind` of what each tracks, shape (m, n)
+    tracked: Ints  #: spacecraft that is tracked, from 0, where mode is SPACECRAFT, shape (m, n)
+    works: Mask  #: who works, shape (m, n)
 
     def at(self, k: int) -> Instant:
         """One of them."""
@@ -95,30 +78,19 @@ class Instant(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Contacts:
-    """What geometry and radios allow.
+    """What geometry and radios allow."""
 
-    Attributes:
-        edges_s: Edges of the slots past the epoch [s], shape (T + 1,).
-        swarm_bit: Most that spacecraft i could send to j in a slot [bit], shape (T, n, n).
-        earth_bit: Most that Earth could hear of i in a slot [bit], shape (T, n).
-        peak_bit: What the best instant of the slot would carry if it lasted the whole slot, to each spacecraft and, in the last
-            column, to Earth [bit], shape (T, n, n + 1).
-        station: Number of the station that hears i, -1 where none does, shape (T, n).
-        light_time_s: Of the way to Earth, shape (T,).
-        why_swarm: `Obstacle` of each link at the middle of the slot, shape (T, n, n).
-        why_earth: The same of the way to Earth, shape (T, n).
-        distance_m: Between spacecraft, at the middle of the slot, shape (T, n, n).
-    """
-
-    edges_s: Array
-    swarm_bit: NDArray[np.int64]
-    earth_bit: NDArray[np.int64]
+    edges_s: Array  #: edges of the slots past the epoch [s], shape (T + 1,)
+    swarm_bit: NDArray[np.int64]  #: most that spacecraft i could send to j in a slot [bit], shape (T, n, n)
+    earth_bit: NDArray[np.int64]  #: most that Earth could hear of i in a slot [bit], shape (T, n)
+    #: what the best instant of the slot would carry if it lasted the whole slot, to each spacecraft and, in the last column, to
+    #: Earth [bit], shape (T, n, n + 1)
     peak_bit: NDArray[np.int64]
-    station: NDArray[np.int64]
-    light_time_s: Array
-    why_swarm: NDArray[np.int8]
-    why_earth: NDArray[np.int8]
-    distance_m: Array
+    station: NDArray[np.int64]  #: number of the station that hears i, -1 where none does, shape (T, n)
+    light_time_s: Array  #: of the way to Earth, shape (T,)
+    why_swarm: NDArray[np.int8]  #: `Obstacle` of each link at the middle of the slot, shape (T, n, n)
+    why_earth: NDArray[np.int8]  #: the same of the way to Earth, shape (T, n)
+    distance_m: Array  #: between spacecraft, at the middle of the slot, shape (T, n, n)
 
     @property
     def n_slots(self) -> int:

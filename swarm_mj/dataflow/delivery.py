@@ -25,80 +25,50 @@ STORAGE, TIME = "storage", "time"
 
 
 class Undelivered(NamedTuple):
-    """A part of the map that was seen and does not arrive.
+    """A part of the map that was seen and does not arrive."""
 
-    Attributes:
-        reason: One of `REASONS`, `STORAGE` or `TIME`.
-        area: [m^2].
-        holders: Spacecraft that saw it, numbers from 0.
-    """
-
-    reason: str
-    area: float
-    holders: tuple[int, ...]
+    reason: str  #: one of `REASONS`, `STORAGE` or `TIME`
+    area: float  #: [m^2]
+    holders: tuple[int, ...]  #: spacecraft that saw it, numbers from 0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Delivery:
-    """What became of the data of a flight; n spacecraft, T slots, q tiles, see `swarm_mj.dataflow.tiles`.
+    """What became of the data of a flight; n spacecraft, T slots, q tiles, see `swarm_mj.dataflow.tiles`."""
 
-    Attributes:
-        edges_s: Edges of the slots past the epoch [s], shape (T + 1,).
-        light_time_s: Of the way to Earth in each slot, shape (T,).
-        contact_bit: Most that i could send to j, shape (T, n, n).
-        earth_contact_bit: Most that Earth could hear of i, shape (T, n).
-        station: Number of the station that hears i best, -1 for none, shape (T, n).
-        why_swarm: `Obstacle` of each link, shape (T, n, n).
-        why_earth: `Obstacle` of each way to Earth, shape (T, n).
-        relay_distance_m: Of each to the nearest spacecraft that turns to Earth, 0 for those themselves, NaN where nobody
-            does, shape (T, n).
-        sent_bit: Sent from i to j, shape (T, n, n).
-        earth_bit: Received by Earth from i, shape (T, n).
-        aboard_bit: Aboard at each edge, shape (T + 1, n).
-        lost_bit: Lost so far at each edge, in overflows and with spacecraft, shape (T + 1, n).
-        tile_of_cell: Shape (cells,), -1 for what nobody saw.
-        tile_area: [m^2], shape (q,).
-        tile_bit: As each spacecraft saw it, 0 where it did not, shape (n, q).
-        tile_lost_bit: What of each copy was lost with a spacecraft, shape (n, q).
-        tile_overflow_bit: What of each copy found no room aboard, shape (n, q).
-        tile_ready_s: When it was seen, NaN for never, shape (n, q).
-        tile_arrives_s: When the last bit of the finest copy of it that arrives is on Earth [s], NaN for never, shape (q,).
-        tile_origin: Spacecraft whose copy of it that is, -1 for none, shape (q,).
-        best_earth_bit: Received by Earth in the schedule that is proven best, shape (T, n); this and the next three are NaN
-            where no proof was asked for.
-        best_share: Of each tile that arrives in that schedule, shape (q,).
-        best_full_s: When at the earliest a schedule of these slots has all that was seen on Earth [s], NaN where none has.
-        best_bound_area: No schedule delivers more [m^2], whatever its slots, at the rates of the sampled instants.
-        election_s: Elections after which others spoke to Earth than before, the first at the end of the flight [s], shape (e,).
-        elected: Who did from then on, shape (e, n).
-    """
-
-    edges_s: Array
-    light_time_s: Array
-    contact_bit: NDArray[np.int64]
-    earth_contact_bit: NDArray[np.int64]
-    station: NDArray[np.int64]
-    why_swarm: NDArray[np.int8]
-    why_earth: NDArray[np.int8]
+    edges_s: Array  #: edges of the slots past the epoch [s], shape (T + 1,)
+    light_time_s: Array  #: of the way to Earth in each slot, shape (T,)
+    contact_bit: NDArray[np.int64]  #: most that i could send to j, shape (T, n, n)
+    earth_contact_bit: NDArray[np.int64]  #: most that Earth could hear of i, shape (T, n)
+    station: NDArray[np.int64]  #: number of the station that hears i best, -1 for none, shape (T, n)
+    why_swarm: NDArray[np.int8]  #: `Obstacle` of each link, shape (T, n, n)
+    why_earth: NDArray[np.int8]  #: `Obstacle` of each way to Earth, shape (T, n)
+    #: of each to the nearest spacecraft that turns to Earth, 0 for those themselves, NaN where nobody does, shape (T, n)
     relay_distance_m: Array
-    sent_bit: NDArray[np.int64]
-    earth_bit: NDArray[np.int64]
-    aboard_bit: NDArray[np.int64]
-    lost_bit: NDArray[np.int64]
-    tile_of_cell: NDArray[np.int64]
-    tile_area: Array
-    tile_bit: NDArray[np.int64]
-    tile_lost_bit: NDArray[np.int64]
-    tile_overflow_bit: NDArray[np.int64]
-    tile_ready_s: Array
+    sent_bit: NDArray[np.int64]  #: sent from i to j, shape (T, n, n)
+    earth_bit: NDArray[np.int64]  #: received by Earth from i, shape (T, n)
+    aboard_bit: NDArray[np.int64]  #: aboard at each edge, shape (T + 1, n)
+    lost_bit: NDArray[np.int64]  #: lost so far at each edge, in overflows and with spacecraft, shape (T + 1, n)
+    tile_of_cell: NDArray[np.int64]  #: shape (cells,), -1 for what nobody saw
+    tile_area: Array  #: [m^2], shape (q,)
+    tile_bit: NDArray[np.int64]  #: as each spacecraft saw it, 0 where it did not, shape (n, q)
+    tile_lost_bit: NDArray[np.int64]  #: what of each copy was lost with a spacecraft, shape (n, q)
+    tile_overflow_bit: NDArray[np.int64]  #: what of each copy found no room aboard, shape (n, q)
+    tile_ready_s: Array  #: when it was seen, NaN for never, shape (n, q)
+    #: when the last bit of the finest copy of it that arrives is on Earth [s], NaN for never, shape (q,)
     tile_arrives_s: Array
-    tile_origin: NDArray[np.int64]
+    tile_origin: NDArray[np.int64]  #: spacecraft whose copy of it that is, -1 for none, shape (q,)
+    #: received by Earth in the schedule that is proven best, shape (T, n); this and the next three are NaN where no proof was
+    #: asked for
     best_earth_bit: Array
-    best_share: Array
+    best_share: Array  #: of each tile that arrives in that schedule, shape (q,)
+    #: when at the earliest a schedule of these slots has all that was seen on Earth [s], NaN where none has
     best_full_s: Array
+    #: no schedule delivers more [m^2], whatever its slots, at the rates of the sampled instants
     best_bound_area: Array
+    #: elections after which others spoke to Earth than before, the first at the end of the flight [s], shape (e,)
     election_s: Array
-    elected: Mask
+    elected: Mask  #: who did from then on, shape (e, n)
 
     @property
     def n_slots(self) -> int:

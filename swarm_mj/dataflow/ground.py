@@ -27,25 +27,15 @@ from swarm_mj.typing import Array, Ints
 
 @dataclass(frozen=True, kw_only=True)
 class Station:
-    """A dish on Earth that listens.
+    """A dish on Earth that listens."""
 
-    Attributes:
-        name: As plans and tables call it.
-        latitude_deg: Geodetic latitude, WGS 84 [deg].
-        longitude_deg: East longitude [deg].
-        height_m: Above the ellipsoid [m].
-        diameter_m: Of the dish [m].
-        g_over_t_db_k: Figure of merit at X band, at some 30 deg of elevation [dB/K].
-        source: Where the numbers are from.
-    """
-
-    name: str
-    latitude_deg: float
-    longitude_deg: float
-    height_m: float
-    diameter_m: float
-    g_over_t_db_k: float
-    source: str = "of the scenario"
+    name: str  #: as plans and tables call it
+    latitude_deg: float  #: geodetic latitude, WGS 84 [deg]
+    longitude_deg: float  #: east longitude [deg]
+    height_m: float  #: above the ellipsoid [m]
+    diameter_m: float  #: of the dish [m]
+    g_over_t_db_k: float  #: figure of merit at X band, at some 30 deg of elevation [dB/K]
+    source: str = "of the scenario"  #: where the numbers are from
 
     def __post_init__(self) -> None:
         """Refuse what stands nowhere.
@@ -171,15 +161,10 @@ def best_station(stations: Sequence[Station], elevation_deg: Array, min_elevatio
 
 
 class EarthSchedule(NamedTuple):
-    """Who on Earth hears a spacecraft at t instants.
+    """Who on Earth hears a spacecraft at t instants."""
 
-    Attributes:
-        station: The `best_station` when the signal arrives, by number from 0; -1 where none sees it, shape (t,).
-        light_time_s: Of the way from the origin of N to Earth, shape (t,).
-    """
-
-    station: Ints
-    light_time_s: Array
+    station: Ints  #: the `best_station` when the signal arrives, by number from 0; -1 where none sees it, shape (t,)
+    light_time_s: Array  #: of the way from the origin of N to Earth, shape (t,)
 
 
 def earth_schedule(

@@ -21,15 +21,10 @@ from swarm_mj.typing import Array
 
 
 class RateTable(NamedTuple):
-    """Rates by range as compiled code takes them, fastest first.
+    """Rates by range as compiled code takes them, fastest first."""
 
-    Attributes:
-        range_m: Longest range of each rate, ascending, shape (k,) [m].
-        rate_bit_s: The rates, descending, shape (k,) [bit/s].
-    """
-
-    range_m: Array
-    rate_bit_s: Array
+    range_m: Array  #: longest range of each rate, ascending, shape (k,) [m]
+    rate_bit_s: Array  #: the rates, descending, shape (k,) [bit/s]
 
 
 def free_space_loss_db(range_m: Array | float, frequency_hz: float) -> Array:

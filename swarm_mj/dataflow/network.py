@@ -32,38 +32,24 @@ class Access(StrEnum):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Network:
-    """A delivery problem of n spacecraft, q tiles and T slots.
+    """A delivery problem of n spacecraft, q tiles and T slots."""
 
-    Attributes:
-        edges_s: Edges of the slots, ascending [s], shape (T + 1,).
-        swarm_bit: Most that spacecraft i can send to j in a slot if it sends all the time [bit], shape (T, n, n).
-        earth_bit: Most that Earth can receive from i in a slot [bit], shape (T, n).
-        storage_bit: Most that is aboard a spacecraft at any edge [bit], shape (n,).
-        access: How the crosslink is shared.
-        half_duplex: Whether a spacecraft on the crosslink sends or receives, but never both at once.
-        earth_channels: How many spacecraft Earth hears at once.
-        value: Area of each tile [m^2], shape (q,).
-        bits: Size of the tile as spacecraft i has it [bit], 0 where it has it not, shape (n, q).
-        ready: Slot from whose start it is aboard, T where never, shape (n, q).
-        gsd_m: Ground sampling distance of each copy [m], by which the better of several is known; none where all are as good,
-            shape (n, q).
-        lost_slot: Slot from whose start a spacecraft and all that is aboard is lost, T for never, shape (n,).
-        delay: After how many slots what is received can be sent on: 1, or 0 in a relaxation that bounds schedules of shorter
-            slots, whose storage is limited at the edges alone.
-    """
-
-    edges_s: Array
-    swarm_bit: Ints
-    earth_bit: Ints
-    storage_bit: Ints
-    access: Access
-    half_duplex: bool
-    earth_channels: int
-    value: Array
-    bits: Ints
-    ready: Ints
+    edges_s: Array  #: edges of the slots, ascending [s], shape (T + 1,)
+    swarm_bit: Ints  #: most that spacecraft i can send to j in a slot if it sends all the time [bit], shape (T, n, n)
+    earth_bit: Ints  #: most that Earth can receive from i in a slot [bit], shape (T, n)
+    storage_bit: Ints  #: most that is aboard a spacecraft at any edge [bit], shape (n,)
+    access: Access  #: how the crosslink is shared
+    half_duplex: bool  #: whether a spacecraft on the crosslink sends or receives, but never both at once
+    earth_channels: int  #: how many spacecraft Earth hears at once
+    value: Array  #: area of each tile [m^2], shape (q,)
+    bits: Ints  #: size of the tile as spacecraft i has it [bit], 0 where it has it not, shape (n, q)
+    ready: Ints  #: slot from whose start it is aboard, T where never, shape (n, q)
+    #: ground sampling distance of each copy [m], which tells the better of several; none: all are as good, shape (n, q)
     gsd_m: Array = field(default_factory=lambda: np.empty(0))
+    #: slot from whose start a spacecraft and all that is aboard is lost, T for never, shape (n,)
     lost_slot: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    #: after how many slots what is received can be sent on: 1, or 0 in a relaxation that bounds schedules of shorter slots,
+    #: whose storage is limited at the edges alone
     delay: int = 1
 
     def __post_init__(self) -> None:

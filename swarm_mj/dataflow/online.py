@@ -36,74 +36,40 @@ ON_EARTH = "tile on Earth"
 
 
 class Transfer(NamedTuple):
-    """Bits that were sent in a slot.
+    """Bits that were sent in a slot."""
 
-    Attributes:
-        slot: When.
-        sender: Spacecraft that sends.
-        receiver: Spacecraft that receives, -1 for Earth.
-        origin: Spacecraft whose copy of the tile it is.
-        tile: Tile.
-        bits: How many [bit].
-    """
-
-    slot: int
-    sender: int
-    receiver: int
-    origin: int
+    slot: int  #: when
+    sender: int  #: spacecraft that sends
+    receiver: int  #: spacecraft that receives, -1 for Earth
+    origin: int  #: spacecraft whose copy of the tile it is
     tile: int
-    bits: int
+    bits: int  #: how many [bit]
 
 
 class Loss(NamedTuple):
-    """Bits that were lost at the start of a slot.
+    """Bits that were lost at the start of a slot."""
 
-    Attributes:
-        slot: When.
-        spacecraft: Where they were.
-        origin: Spacecraft whose copy of the tile it was.
-        tile: Tile.
-        bits: How many [bit].
-        reason: 'spacecraft lost', 'storage full' (a new picture), or 'tile on Earth' (a copy that made room).
-    """
-
-    slot: int
-    spacecraft: int
-    origin: int
+    slot: int  #: when
+    spacecraft: int  #: where they were
+    origin: int  #: spacecraft whose copy of the tile it was
     tile: int
-    bits: int
-    reason: str
+    bits: int  #: how many [bit]
+    reason: str  #: 'spacecraft lost', 'storage full' (a new picture), or 'tile on Earth' (a copy that made room)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Account:
-    """What became of the pictures of a network of n spacecraft, q tiles and T slots.
+    """What became of the pictures of a network of n spacecraft, q tiles and T slots."""
 
-    Attributes:
-        aboard_bit: Bits aboard at each edge, shape (T + 1, n).
-        on_earth_bit: Bits on Earth at each edge, shape (T + 1,).
-        lost_bit: Bits lost up to each edge, shape (T + 1,).
-        delivered_slot: Slot in which the last bit of the finest copy of a tile that arrives comes to Earth, T where none does,
-            shape (q,).
-        delivered_origin: Spacecraft whose copy that is, -1 where none is complete, shape (q,).
-        value: Area of the delivered tiles [m^2].
-        transfers: By slot.
-        losses: By slot.
-    """
-
-    aboard_bit: Ints
-    on_earth_bit: Ints
-    lost_bit: Ints
+    aboard_bit: Ints  #: bits aboard at each edge, shape (T + 1, n)
+    on_earth_bit: Ints  #: bits on Earth at each edge, shape (T + 1,)
+    lost_bit: Ints  #: bits lost up to each edge, shape (T + 1,)
+    #: slot in which the last bit of the finest copy of a tile that arrives comes to Earth, T where none does, shape (q,)
     delivered_slot: Ints
-    delivered_origin: Ints
-    value: float
-    transfers: tuple[Transfer, ...]
-    losses: tuple[Loss, ...]
-
-    @property
-    def delivered(self) -> Ints:
-        """Tiles that are on Earth, ascending."""
-        return np.flatnonzero(self.delivered_slot < len(self.on_earth_bit) - 1)
+    delivered_origin: Ints  #: spacecraft whose copy that is, -1 where none is complete, shape (q,)
+    value: float  #: area of the delivered tiles [m^2]
+    transfers: tuple[Transfer, ...]  #: by slot
+    losses: tuple[Loss, ...]  #: by slot
 
 
 def run_online(network: Network, relays: Mask, *, shared: bool = True) -> Account:
@@ -128,16 +94,11 @@ def run_online(network: Network, relays: Mask, *, shared: bool = True) -> Accoun
 
 
 class _Routes(NamedTuple):
-    """Ways to the relays in one slot.
+    """Ways to the relays in one slot."""
 
-    Attributes:
-        relay: Who is one, shape (n,).
-        following: Next on the way to the nearest relay, below 0 where there is none, shape (n,).
-        seconds: What a bit takes on the way in parts of a slot, 0 for relays, infinity where there is none, shape (n,).
-    """
-
-    relay: Mask
-    following: Ints
+    relay: Mask  #: who is one, shape (n,)
+    following: Ints  #: next on the way to the nearest relay, below 0 where there is none, shape (n,)
+    #: what a bit takes on the way in parts of a slot, 0 for relays, infinity where there is none, shape (n,)
     seconds: Array
 
 

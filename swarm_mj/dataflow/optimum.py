@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -15,7 +14,7 @@ from swarm_mj.dataflow.network import EARTH, Network
 from swarm_mj.dataflow.time_expanded_program import Program, build_program
 from swarm_mj.errors import MissionError
 from swarm_mj.io import highs
-from swarm_mj.typing import Array, Ints
+from swarm_mj.typing import Array
 
 #: Values that differ relatively by less are taken for the same: HiGHS works to this accuracy, not to the last bit.
 SAME = 1e-9
@@ -29,43 +28,22 @@ Waiting = Callable[[float], None] | None
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Schedule:
-    """Who sends how much to whom, and when.
+    """Who sends how much to whom, and when."""
 
-    Attributes:
-        value: Area delivered [m^2].
-        bound: No schedule delivers more [m^2]; follows from the prices of the constraints alone, see `dual_bound`, and with
-            whole tiles from HiGHS' search.
-        taken: Share of each tile that is taken from each spacecraft's copy, shape (n, q).
-        swarm_bit: Bits sent from i to j in a slot, shape (T, n, n).
-        earth_bit: Bits sent to Earth, shape (T, n).
-        aboard_bit: Bits aboard at each edge that are on their way to Earth, shape (T + 1, n).
-        status: 'optimal', or 'time limit' where that is not proven (whole tiles only).
-        seconds: Wall-clock time.
-    """
-
-    value: float
+    value: float  #: area delivered [m^2]
+    #: no schedule delivers more [m^2]; follows from the prices of the constraints alone, see `dual_bound`, and with whole tiles
+    #: from HiGHS' search
     bound: float
-    taken: Array
-    swarm_bit: Array
-    earth_bit: Array
-    aboard_bit: Array
-    status: str
-    seconds: float
+    taken: Array  #: share of each tile that is taken from each spacecraft's copy, shape (n, q)
+    swarm_bit: Array  #: bits sent from i to j in a slot, shape (T, n, n)
+    earth_bit: Array  #: bits sent to Earth, shape (T, n)
+    aboard_bit: Array  #: bits aboard at each edge that are on their way to Earth, shape (T + 1, n)
+    status: str  #: 'optimal', or 'time limit' where that is not proven (whole tiles only)
 
     @property
     def delivered_share(self) -> Array:
         """Of each tile, shape (q,)."""
         return self.taken.sum(axis=0)
-
-    @property
-    def origin(self) -> Ints:
-        """Spacecraft whose copy of a tile is delivered, or most of it; -1 for a tile that is not, shape (q,)."""
-        return np.where(self.delivered_share > SAME, self.taken.argmax(axis=0), EARTH).astype(np.int64)
-
-    @property
-    def gap(self) -> float:
-        """What the bound exceeds the value by, relatively."""
-        return (self.bound - self.value) / self.bound if self.bound > 0 else 0.0
 
 
 def optimum(
@@ -90,12 +68,11 @@ def optimum(
     Raises:
         MissionError: Nothing was found in time, or neighbours is negative.
     """
-    start = time.perf_counter()
     if neighbours is not None and neighbours < 0:
         raise MissionError(f"neighbours = {neighbours}: must be 0, more, or None for all links")
     program = build_program(network, neighbours)
     if not len(program.copies):
-        return _schedule(network, program, np.zeros(len(program.c)), 0.0, "optimal", start)
+        return _schedule(network, program, np.zeros(len(program.c)), 0.0, "optimal")
     solve = _solve_whole if whole else _solve_shares
     answer = solve(program, time_limit_s, waiting)
     if answer.x is None or (not whole and answer.status == 1):
@@ -106,23 +83,16 @@ def optimum(
         raise MissionError(f"HiGHS could not solve the problem: {answer.message}")
     bound = -float(answer.mip_dual_bound) if whole else -dual_bound(program, answer)
     status = "optimal" if answer.status == 0 else "time limit"
-    return _schedule(network, program, answer.x, bound * program.value_unit, status, start)
+    return _schedule(network, program, answer.x, bound * program.value_unit, status)
 
 
 class EarliestFull(NamedTuple):
-    """When all that can be delivered is.
+    """When all that can be delivered is."""
 
-    Attributes:
-        n_slots: Slots after which it is; 0 where nothing can be delivered.
-        time_s: Their end, from the start of the window [s].
-        value: What can be delivered [m^2].
-        value_before: What one slot less can deliver at most [m^2], which is less: the proof.
-    """
-
-    n_slots: int
-    time_s: float
-    value: float
-    value_before: float
+    n_slots: int  #: slots after which it is; 0 where nothing can be delivered
+    time_s: float  #: their end, from the start of the window [s]
+    value: float  #: what can be delivered [m^2]
+    value_before: float  #: what one slot less can deliver at most [m^2], which is less: the proof
 
 
 def earliest_full(network: Network, *, neighbours: int | None = None, waiting: Waiting = None) -> EarliestFull:
@@ -191,7 +161,7 @@ def _solve_whole(program: Program, time_limit_s: float | None, waiting: Waiting)
     return highs.solve(arguments, time_limit_s, waiting, by=milp)
 
 
-def _schedule(network: Network, program: Program, x: Array, bound: float, status: str, start: float) -> Schedule:
+def _schedule(network: Network, program: Program, x: Array, bound: float, status: str) -> Schedule:
     links, n_copies, n_links = program.links, len(program.copies), len(program.links.slot)
     taken = np.zeros((network.n_spacecraft, network.n_tiles))
     taken[program.copies[:, 0], program.copies[:, 1]] = np.clip(x[:n_copies], 0.0, 1.0)
@@ -208,7 +178,6 @@ def _schedule(network: Network, program: Program, x: Array, bound: float, status
         earth_bit=earth,
         aboard_bit=_aboard(network, taken, swarm, earth),
         status=status,
-        seconds=time.perf_counter() - start,
     )
 
 

@@ -21,43 +21,24 @@ Antenna = Literal["omnidirectional", "hemispherical", "directional"]
 
 @dataclass(frozen=True, kw_only=True)
 class Radio:
-    """A transceiver with its antenna.
+    """A transceiver with its antenna."""
 
-    Attributes:
-        name: As scenarios say it.
-        band: UHF, S or X.
-        frequency_hz: Of the carrier [Hz].
-        power_w: Radiated, at the transmitter's output [W].
-        gain_dbi: Of the antenna over the whole beam [dBi]; the same for sending and receiving.
-        losses_db: Of a link from this transmitter, besides free space [dB].
-        system_temperature_k: Noise of the receiver and of what its antenna sees [K].
-        coding: Modulation and code, in words.
-        required_eb_n0_db: Energy of an information bit over the noise density that the code needs [dB].
-        margin_db: Kept in hand [dB].
-        bandwidth_hz: Widest signal, which bounds the rate by Shannon's law [Hz].
-        rates_bit_s: Rates of information that the radio knows, ascending [bit/s].
-        duplex: Whether it sends and hears at the same time (full) or not (half).
-        antenna: Shape of the beam.
-        half_beam_deg: Half of it [deg].
-        source: Where the numbers are from.
-    """
-
-    name: str
-    band: str
-    frequency_hz: float
-    power_w: float
-    gain_dbi: float
-    losses_db: float
-    system_temperature_k: float
-    coding: str
-    required_eb_n0_db: float
-    margin_db: float
-    bandwidth_hz: float
-    rates_bit_s: tuple[float, ...]
-    duplex: Literal["half", "full"]
-    antenna: Antenna
-    half_beam_deg: float
-    source: str
+    name: str  #: as scenarios say it
+    band: str  #: UHF, S or X
+    frequency_hz: float  #: of the carrier [Hz]
+    power_w: float  #: radiated, at the transmitter's output [W]
+    gain_dbi: float  #: of the antenna over the whole beam [dBi]; the same for sending and receiving
+    losses_db: float  #: of a link from this transmitter, besides free space [dB]
+    system_temperature_k: float  #: noise of the receiver and of what its antenna sees [K]
+    coding: str  #: modulation and code, in words
+    required_eb_n0_db: float  #: energy of an information bit over the noise density that the code needs [dB]
+    margin_db: float  #: kept in hand [dB]
+    bandwidth_hz: float  #: widest signal, which bounds the rate by Shannon's law [Hz]
+    rates_bit_s: tuple[float, ...]  #: rates of information that the radio knows, ascending [bit/s]
+    duplex: Literal["half", "full"]  #: whether it sends and hears at the same time (full) or not (half)
+    antenna: Antenna  #: shape of the beam
+    half_beam_deg: float  #: half of it [deg]
+    source: str  #: where the numbers are from
 
     def __post_init__(self) -> None:
         """Refuse what is no radio.

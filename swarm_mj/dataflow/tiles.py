@@ -21,20 +21,13 @@ GRADE = 1.1
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tiles:
-    """What the swarm holds of the target.
+    """What the swarm holds of the target."""
 
-    Attributes:
-        of_cell: Tile of each cell, -1 for what nobody saw, shape (cells,).
-        area: Of each tile [m^2], shape (q,).
-        bits: Data of each tile as each spacecraft has it, 0 where it has it not, shape (n, q).
-        ready_s: When its picture was taken [s], infinity for never, shape (n, q).
-        gsd_m: Ground sampling distance of each copy, the mean over its area [m], infinity where there is none, shape (n, q).
-    """
-
-    of_cell: Ints
-    area: Array
-    bits: NDArray[np.int64]
-    ready_s: Array
+    of_cell: Ints  #: tile of each cell, -1 for what nobody saw, shape (cells,)
+    area: Array  #: of each tile [m^2], shape (q,)
+    bits: NDArray[np.int64]  #: data of each tile as each spacecraft has it, 0 where it has it not, shape (n, q)
+    ready_s: Array  #: when its picture was taken [s], infinity for never, shape (n, q)
+    #: ground sampling distance of each copy, the mean over its area [m], infinity where there is none, shape (n, q)
     gsd_m: Array
 
     @property
@@ -67,19 +60,15 @@ def make_tiles(area: Array, ready_s: Array, bits: Array, gsd_m: Array) -> Tiles:
     tile, held = tile.reshape(-1), np.isfinite(ready)
     of_cell[seen] = tile
 
-    def summed(values: Array) -> Array:
-        return np.bincount(tile, values, ready.shape[1]).astype(np.float64)
+    own = np.isfinite(when[:, seen])
 
-    size = np.array(
-        [summed(np.where(np.isfinite(w), b, 0.0)) for w, b in zip(when[:, seen], bits[:, seen], strict=True)]
-    )
-    tile_area = summed(area[seen])
-    spread = np.array(
-        [
-            summed(np.where(np.isfinite(w), g * area[seen], 0.0))
-            for w, g in zip(when[:, seen], gsd_m[:, seen], strict=True)
-        ]
-    )
+    def summed(rows: Array) -> Array:
+        """Rows of cells added up over each tile, shape (k, q)."""
+        return np.array([np.bincount(tile, row, ready.shape[1]) for row in rows], np.float64)
+
+    tile_area = summed(area[None, seen])[0]
+    size = summed(np.where(own, bits[:, seen], 0.0))
+    spread = summed(np.where(own, gsd_m[:, seen] * area[seen], 0.0))
     return Tiles(
         of_cell=of_cell,
         area=tile_area,

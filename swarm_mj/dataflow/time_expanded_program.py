@@ -25,44 +25,26 @@ from swarm_mj.typing import Array, Indices, Ints, Mask
 
 
 class Links(NamedTuple):
-    """Links that can carry data to Earth.
+    """Links that can carry data to Earth."""
 
-    Attributes:
-        slot: When, shape (links,).
-        sender: Who sends, shape (links,).
-        receiver: Who receives, -1 for Earth, shape (links,).
-        bits: What the slot holds [bit], shape (links,).
-    """
-
-    slot: Ints
-    sender: Ints
-    receiver: Ints
-    bits: Ints
+    slot: Ints  #: when, shape (links,)
+    sender: Ints  #: who sends, shape (links,)
+    receiver: Ints  #: who receives, -1 for Earth, shape (links,)
+    bits: Ints  #: what the slot holds [bit], shape (links,)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Program:
-    """minimise c x subject to A_eq x = 0, A_ub x <= b_ub, 0 <= x <= upper; x holds copies, links, stays in this order.
+    """minimise c x subject to A_eq x = 0, A_ub x <= b_ub, 0 <= x <= upper; x holds copies, links, stays in this order."""
 
-    Attributes:
-        c: What a column costs: minus the value of its tile in units of `value_unit`, shape (columns,).
-        a_eq: One row for each spacecraft and edge at which something happens there.
-        a_ub: Inequalities for tiles, storage and access.
-        b_ub: Their limits.
-        upper: Of the columns, all finite, shape (columns,).
-        copies: Spacecraft and tile of the copies, shape (copies, 2).
-        links: The links.
-        value_unit: Unit of the values [m^2].
-    """
-
-    c: Array
-    a_eq: csr_array
-    a_ub: csr_array
-    b_ub: Array
-    upper: Array
-    copies: Ints
-    links: Links
-    value_unit: float
+    c: Array  #: what a column costs: minus the value of its tile in units of `value_unit`, shape (columns,)
+    a_eq: csr_array  #: one row for each spacecraft and edge at which something happens there
+    a_ub: csr_array  #: inequalities for tiles, storage and access
+    b_ub: Array  #: their limits
+    upper: Array  #: of the columns, all finite, shape (columns,)
+    copies: Ints  #: spacecraft and tile of the copies, shape (copies, 2)
+    links: Links  #: the links
+    value_unit: float  #: unit of the values [m^2]
 
 
 def build_program(network: Network, neighbours: int | None = None) -> Program:

@@ -23,17 +23,11 @@ _ONE_AT_A_TIME, _TDMA = (list(Access).index(access) for access in (Access.ONE_AT
 
 
 class LinkRules(NamedTuple):
-    """How links share time.
+    """How links share time."""
 
-    Attributes:
-        access: To the crosslink, the number of an `Access` in its order.
-        half_duplex: Whether a spacecraft on the crosslink sends or receives, but never both at once.
-        channels: How many spacecraft Earth hears at once.
-    """
-
-    access: int
-    half_duplex: bool
-    channels: float
+    access: int  #: to the crosslink, the number of an `Access` in its order
+    half_duplex: bool  #: whether a spacecraft on the crosslink sends or receives, but never both at once
+    channels: float  #: how many spacecraft Earth hears at once
 
 
 def link_rules(access: Access, *, half_duplex: bool, channels: float) -> LinkRules:

@@ -263,21 +263,13 @@ def slot_edges(scenario: Scenario, ready_s: Array, most: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SampledSwarm:
-    """The swarm at the samples of the slots, but for who speaks to Earth after the flight.
+    """The swarm at the samples of the slots, but for who speaks to Earth after the flight."""
 
-    Attributes:
-        plan: What was flown.
-        telemetry: The flight.
-        edges_s: Edges of the slots [s], shape (T + 1,).
-        flown: At those samples that are in the flight.
-        course: At those after it.
-    """
-
-    plan: Plan
-    telemetry: xr.Dataset
-    edges_s: Array
-    flown: Instants
-    course: Course
+    plan: Plan  #: what was flown
+    telemetry: xr.Dataset  #: the flight
+    edges_s: Array  #: edges of the slots [s], shape (T + 1,)
+    flown: Instants  #: at those samples that are in the flight
+    course: Course  #: at those after it
 
     @classmethod
     def of_flight(cls, plan: Plan, telemetry: xr.Dataset, edges_s: Array) -> SampledSwarm:

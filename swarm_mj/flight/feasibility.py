@@ -41,27 +41,17 @@ MOST_PICTURES = 200
 
 @dataclass(frozen=True, kw_only=True)
 class ArrivalGeometry:
-    """Each observer at its arrival; n observers.
+    """Each observer at its arrival; n observers."""
 
-    Attributes:
-        r_N: Positions [m], shape (n, 3).
-        v_N: Velocities [m/s], shape (n, 3).
-        a_N: Accelerations [m/s^2], shape (n, 3).
-        t: Times of the arrivals past the epoch [s], shape (n,).
-        rate: Rate of the line of sight to the body's centre [rad/s], shape (n,).
-        acceleration: Its angular acceleration [rad/s^2], shape (n,).
-        peak_rate: Largest rate about the arrival, v / b of the straight line [rad/s], inside the imaging radius, shape (n,).
-        peak_acceleration: The same of the acceleration [rad/s^2], shape (n,).
-    """
-
-    r_N: Array
-    v_N: Array
-    a_N: Array
-    t: Array
-    rate: Array
-    acceleration: Array
+    r_N: Array  #: positions [m], shape (n, 3)
+    v_N: Array  #: velocities [m/s], shape (n, 3)
+    a_N: Array  #: accelerations [m/s^2], shape (n, 3)
+    t: Array  #: times of the arrivals past the epoch [s], shape (n,)
+    rate: Array  #: rate of the line of sight to the body's centre [rad/s], shape (n,)
+    acceleration: Array  #: its angular acceleration [rad/s^2], shape (n,)
+    #: largest rate about the arrival, v / b of the straight line [rad/s], inside the imaging radius, shape (n,)
     peak_rate: Array
-    peak_acceleration: Array
+    peak_acceleration: Array  #: the same of the acceleration [rad/s^2], shape (n,)
 
 
 def arrival_geometry(
@@ -113,25 +103,15 @@ def _around(r_N: Array, v_N: Array, radius: float) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class EncounterCheck:
-    """A scenario and its plan, held against the encounter.
+    """A scenario and its plan, held against the encounter."""
 
-    Attributes:
-        scenario: What is asked for.
-        behavior: Who points at what.
-        properties: Of every spacecraft.
-        environment: Of the body.
-        region: The target.
-        deployment: The trajectories.
-        least_radius: Least distance of each observer to the body's centre [m], shape (n,).
-    """
-
-    scenario: Scenario
-    behavior: object
-    properties: SpacecraftProperties
-    environment: Environment
-    region: TargetRegion
-    deployment: Deployment
-    least_radius: Array
+    scenario: Scenario  #: what is asked for
+    behavior: object  #: who points at what
+    properties: SpacecraftProperties  #: of every spacecraft
+    environment: Environment  #: of the body
+    region: TargetRegion  #: the target
+    deployment: Deployment  #: the trajectories
+    least_radius: Array  #: least distance of each observer to the body's centre [m], shape (n,)
 
     @cached_property
     def arrival(self) -> ArrivalGeometry:

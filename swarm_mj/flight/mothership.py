@@ -51,15 +51,10 @@ ROUNDING = 1e-12
 
 
 class MothershipState(NamedTuple):
-    """State of the mothership at the epoch.
+    """State of the mothership at the epoch."""
 
-    Attributes:
-        r_N: Position relative to the body's centre, shape (3,) [m].
-        velocity: In N, shape (3,) [m/s]; 'mean' of the deployed velocities; or 'rest' in N.
-    """
-
-    r_N: Array
-    velocity: Array | str
+    r_N: Array  #: position relative to the body's centre, shape (3,) [m]
+    velocity: Array | str  #: in N, shape (3,) [m/s]; 'mean' of the deployed velocities; or 'rest' in N
 
 
 def mothership_state(scenario: Scenario, environment: Environment) -> MothershipState:

@@ -38,17 +38,11 @@ LAST_S, POINTED, LEAST_SHARE = 300.0, np.radians(5.0), 0.1
 
 
 class Course(NamedTuple):
-    """Where the swarm is after its flight.
+    """Where the swarm is after its flight."""
 
-    Attributes:
-        t: Rising, past the end of the flight [s], shape (m,).
-        r_BN_N: Positions, shape (m, n, 3) [m], of those lost at their last place.
-        works: Who works, shape (m, n).
-    """
-
-    t: Array
-    r_BN_N: Array
-    works: Mask
+    t: Array  #: rising, past the end of the flight [s], shape (m,)
+    r_BN_N: Array  #: positions, shape (m, n, 3) [m], of those lost at their last place
+    works: Mask  #: who works, shape (m, n)
 
 
 def controlled(telemetry: xr.Dataset) -> Mask:
@@ -208,15 +202,10 @@ def joined(earlier: Instants, later: Instants) -> Instants:
 
 
 class Elections(NamedTuple):
-    """Elections that changed who speaks to Earth, the first at the end of the flight.
+    """Elections that changed who speaks to Earth, the first at the end of the flight."""
 
-    Attributes:
-        time_s: When, past the epoch [s], rising, shape (e,).
-        elected: Who speaks to Earth from then on, shape (e, n).
-    """
-
-    time_s: Array
-    elected: Mask
+    time_s: Array  #: when, past the epoch [s], rising, shape (e,)
+    elected: Mask  #: who speaks to Earth from then on, shape (e, n)
 
     def relays_at(self, times: Array) -> Ints:
         """Numbers of those who speak to Earth at times after the flight [s], shape (m,): shape (m, k), some more than once."""

@@ -9,13 +9,7 @@ import numpy as np
 from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.behaviors import Behavior
 from swarm_mj.mission.deployment import groups
-from swarm_mj.mission.target import (
-    Pyramid,
-    TargetRegion,
-    automatic_cell_size,
-    build_targets,
-    check_visiting_points,
-)
+from swarm_mj.mission.target import Pyramid, TargetRegion, automatic_cell_size, build_targets, check_visiting_points
 from swarm_mj.scenarios.itinerary import Stop, all_targets, itinerary
 from swarm_mj.scenarios.schema import Scenario, Target
 from swarm_mj.simulator.faults.dispersions import shifted_target, target_shift

@@ -136,19 +136,13 @@ def _mothership_transitions(plan: Plan, times: Array) -> dict[float, Array]:
 
 @dataclass(frozen=True)
 class _Memory:
-    """What the spacecraft remember.
+    """What the spacecraft remember."""
 
-    Attributes:
-        done: Corrections that have been begun, shape (n,).
-        miss: By how much each would miss its visiting point as far as it knows, shape (n, 3) [m]; nan: nothing is to be burnt.
-        felt: Velocity gained by thrust at the last call, shape (n, 3) [m/s].
-        t: Time of the last call [s].
-    """
-
-    done: Ints
+    done: Ints  #: corrections that have been begun, shape (n,)
+    #: by how much each would miss its visiting point as far as it knows, shape (n, 3) [m]; nan: nothing is to be burnt
     miss: Array
-    felt: Array
-    t: float
+    felt: Array  #: velocity gained by thrust at the last call, shape (n, 3) [m/s]
+    t: float  #: time of the last call [s]
 
 
 class CorrectionLaw:
@@ -163,13 +157,7 @@ class CorrectionLaw:
     """
 
     def __init__(
-        self,
-        legs: Legs,
-        errors: FlightErrors,
-        environment: Environment,
-        thrusters: Thrusters,
-        *,
-        seed: int,
+        self, legs: Legs, errors: FlightErrors, environment: Environment, thrusters: Thrusters, *, seed: int
     ) -> None:
         self._legs, self._errors, self._seed = legs, errors, seed
         self._thrust, self._least = thrusters.thrust_n, thrusters.min_impulse_bit_n_s

@@ -18,13 +18,7 @@ from swarm_mj.smallbody.gravity.compiled import POLYHEDRON, compiled_field
 from swarm_mj.smallbody.gravity.point_mass import PointMass
 from swarm_mj.smallbody.gravity.polyhedron import CELL_NUMBERS
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
-from swarm_mj.spacecraft.control.compiled import (
-    CompiledController,
-    CompiledLaw,
-    LawFunction,
-    compile_law,
-    numbers_of,
-)
+from swarm_mj.spacecraft.control.compiled import CompiledController, CompiledLaw, LawFunction, compile_law, numbers_of
 from swarm_mj.spacecraft.model import SwarmModel
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array

@@ -17,23 +17,10 @@ from swarm_mj.scenarios.schema_faults import (
     StarTrackerNoise,
 )
 from swarm_mj.scenarios.schema_sensors import Sensors
-from swarm_mj.simulator.faults.dispersions import (
-    ARCSEC,
-    DEG_PER_HOUR,
-    DEG_PER_SQRT_HOUR,
-    Dispersed,
-    Stream,
-    stream,
-)
+from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, Dispersed, Stream, stream
 from swarm_mj.simulator.faults.schedule import ScheduledFault
 from swarm_mj.simulator.flights import fill
-from swarm_mj.spacecraft.attitude.estimation import (
-    Assumed,
-    AttitudeKnowledge,
-    Count,
-    first_state,
-    sensors_of,
-)
+from swarm_mj.spacecraft.attitude.estimation import Assumed, AttitudeKnowledge, Count, first_state, sensors_of
 from swarm_mj.typing import Array
 
 #: Below these the filter believes no sensor, lest it trust one alone: noise of a good gyro and star tracker.

@@ -28,15 +28,10 @@ _STEP = 1e-6
 
 
 class Mode(NamedTuple):
-    """One small motion.
+    """One small motion."""
 
-    Attributes:
-        eigenvalue: Real part: growth [1/s]; imaginary part: angular frequency [rad/s].
-        joint: Name of the joint that moves most.
-    """
-
-    eigenvalue: complex
-    joint: str
+    eigenvalue: complex  #: real part: growth [1/s]; imaginary part: angular frequency [rad/s]
+    joint: str  #: name of the joint that moves most
 
     @property
     def frequency_hz(self) -> float:

@@ -24,27 +24,16 @@ def spacecraft_names(n: int) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Layout:
-    """Places of n spacecraft with w wheels each in the arrays of an MjModel and its MjData.
+    """Places of n spacecraft with w wheels each in the arrays of an MjModel and its MjData."""
 
-    Attributes:
-        hub_body: Body ids of the hubs, shape (n,).
-        bodies: Body ids of every body of a spacecraft, the hub first, shape (n, bodies).
-        qpos: Where hub position (3), hub attitude (4) and wheel angles stand in `qpos`, shape (n, 7 + w).
-        qvel: Where hub velocity (3), body rate (3) and wheel speeds stand in `qvel`, shape (n, 6 + w).
-        actuators: Ids of the wheels' motors, shape (n, w).
-        ctrl: Where their torques stand in `ctrl`, shape (n, w).
-        all_qpos: Every number of a spacecraft in `qpos`, shape (n, ...).
-        all_qvel: The same in `qvel`, shape (n, ...).
-    """
-
-    hub_body: Ints
-    bodies: Ints
-    qpos: Ints
-    qvel: Ints
-    actuators: Ints
-    ctrl: Ints
-    all_qpos: Ints
-    all_qvel: Ints
+    hub_body: Ints  #: body ids of the hubs, shape (n,)
+    bodies: Ints  #: body ids of every body of a spacecraft, the hub first, shape (n, bodies)
+    qpos: Ints  #: where hub position (3), hub attitude (4) and wheel angles stand in `qpos`, shape (n, 7 + w)
+    qvel: Ints  #: where hub velocity (3), body rate (3) and wheel speeds stand in `qvel`, shape (n, 6 + w)
+    actuators: Ints  #: ids of the wheels' motors, shape (n, w)
+    ctrl: Ints  #: where their torques stand in `ctrl`, shape (n, w)
+    all_qpos: Ints  #: every number of a spacecraft in `qpos`, shape (n, ...)
+    all_qvel: Ints  #: the same in `qvel`, shape (n, ...)
 
 
 def resolve_layout(model: mujoco.MjModel, names: Sequence[str], *, hub: str, wheels: Sequence[str]) -> Layout:

@@ -13,19 +13,13 @@ from swarm_mj.typing import Array
 
 
 class Measured(NamedTuple):
-    """Mass properties of one compiled spacecraft in the configuration in which its file holds it.
+    """Mass properties of one compiled spacecraft in the configuration in which its file holds it."""
 
-    Attributes:
-        mass: [kg].
-        centre_B: Centre of mass relative to the hub's origin, shape (3,) [m].
-        inertia_B: About the centre of mass, every joint locked, shape (3, 3) [kg m^2].
-        wheel_momentum_B: Angular momentum of each wheel at 1 rad/s relative to a hub at rest, shape (w, 3) [kg m^2/s]: its spin
-            inertia times its axis, if it is balanced.
-    """
-
-    mass: float
-    centre_B: Array
-    inertia_B: Array
+    mass: float  #: [kg]
+    centre_B: Array  #: centre of mass relative to the hub's origin, shape (3,) [m]
+    inertia_B: Array  #: about the centre of mass, every joint locked, shape (3, 3) [kg m^2]
+    #: angular momentum of each wheel at 1 rad/s relative to a hub at rest, shape (w, 3) [kg m^2/s]: its spin inertia times its
+    #: axis, if it is balanced
     wheel_momentum_B: Array
 
 

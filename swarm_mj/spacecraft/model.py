@@ -20,13 +20,7 @@ from swarm_mj.spacecraft.elements import title_of
 from swarm_mj.spacecraft.layout import Layout, resolve_layout, spacecraft_names
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-from swarm_mj.spacecraft.template import (
-    HUB,
-    compile_spec,
-    make_template,
-    strip,
-    wheel_names,
-)
+from swarm_mj.spacecraft.template import HUB, compile_spec, make_template, strip, wheel_names
 from swarm_mj.typing import Array, Ints
 
 #: qpos and qvel of a free joint.

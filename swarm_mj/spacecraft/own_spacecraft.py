@@ -23,13 +23,7 @@ import numpy as np
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.io.records import one_line
 from swarm_mj.spacecraft.elastic import Mode, modes_of
-from swarm_mj.spacecraft.elements import (
-    id_of,
-    joint_kind,
-    joints_of,
-    name_of,
-    title_of,
-)
+from swarm_mj.spacecraft.elements import id_of, joint_kind, joints_of, name_of, title_of
 from swarm_mj.spacecraft.measurement import Measured, measure, motor_faults, torque_range
 from swarm_mj.spacecraft.model_limits import check_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties
@@ -49,17 +43,11 @@ Rows = tuple[tuple[float, ...], ...]
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredProperties(SpacecraftProperties):
-    """Mass properties and wheels of a spacecraft as they were measured of its compiled model.
+    """Mass properties and wheels of a spacecraft as they were measured of its compiled model."""
 
-    Attributes:
-        inertia_rows_B: Inertia about the centre of mass at the start, every joint locked, rows [kg m^2].
-        axis_rows_B: Spin axes of the wheels, rows.
-        centre_B: Centre of mass relative to the hub's origin at the start [m].
-    """
-
-    inertia_rows_B: Rows
-    axis_rows_B: Rows
-    centre_B: tuple[float, float, float]
+    inertia_rows_B: Rows  #: inertia about the centre of mass at the start, every joint locked, rows [kg m^2]
+    axis_rows_B: Rows  #: spin axes of the wheels, rows
+    centre_B: tuple[float, float, float]  #: centre of mass relative to the hub's origin at the start [m]
 
     @property
     def n_wheels(self) -> int:
@@ -79,46 +67,28 @@ class MeasuredProperties(SpacecraftProperties):
 
 @dataclass(frozen=True)
 class ExtraJoint:
-    """A joint that is neither the hub's nor a wheel's.
+    """A joint that is neither the hub's nor a wheel's."""
 
-    Attributes:
-        name: In the file, or by its number.
-        kind: hinge, slide or ball.
-    """
-
-    name: str
-    kind: str
+    name: str  #: in the file, or by its number
+    kind: str  #: hinge, slide or ball
 
 
 @dataclass(frozen=True, kw_only=True)
 class OwnSpacecraft:
-    """What was read of a spacecraft's file.
+    """What was read of a spacecraft's file."""
 
-    Attributes:
-        path: The file.
-        hub: Name of the body with the free joint.
-        wheels: Names of the wheels' joints and motors, in the file's order.
-        joints: All other joints.
-        sensors: In the file's order.
-        properties: Measured, for loop and control law.
-        start_qpos: Positions of all joints at the start, in the order of the file alone; the hub's are the scenario's.
-        start_qvel: Their velocities.
-        start_ctrl: Controls of all actuators; those of the wheels are the control law's.
-        remarks: What a reader should know.
-        strength: Of its thrusters, see `ThrusterAllocation`; 0 without thrusters.
-    """
-
-    path: Path
-    hub: str
-    wheels: tuple[str, ...]
-    joints: tuple[ExtraJoint, ...]
-    sensors: tuple[Sensor, ...]
-    properties: MeasuredProperties
+    path: Path  #: the file
+    hub: str  #: name of the body with the free joint
+    wheels: tuple[str, ...]  #: names of the wheels' joints and motors, in the file's order
+    joints: tuple[ExtraJoint, ...]  #: all other joints
+    sensors: tuple[Sensor, ...]  #: in the file's order
+    properties: MeasuredProperties  #: measured, for loop and control law
+    #: positions of all joints at the start, in the order of the file alone; the hub's are the scenario's
     start_qpos: tuple[float, ...]
-    start_qvel: tuple[float, ...]
-    start_ctrl: tuple[float, ...]
-    remarks: tuple[str, ...]
-    strength: float
+    start_qvel: tuple[float, ...]  #: their velocities
+    start_ctrl: tuple[float, ...]  #: controls of all actuators; those of the wheels are the control law's
+    remarks: tuple[str, ...]  #: what a reader should know
+    strength: float  #: of its thrusters, see `ThrusterAllocation`; 0 without thrusters
 
 
 class _Refused(Exception):

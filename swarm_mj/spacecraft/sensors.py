@@ -98,23 +98,14 @@ _IN_N = {
 
 
 class Sensor(NamedTuple):
-    """One sensor of a spacecraft.
+    """One sensor of a spacecraft."""
 
-    Attributes:
-        name: In the file.
-        size: How many numbers it gives.
-        units: Of them.
-        frame: In which they are.
-        long_name: What they are.
-        site: Of an accelerometer, whose reading is corrected for gravity; else empty.
-    """
-
-    name: str
-    size: int
-    units: str
-    frame: str
-    long_name: str
-    site: str = ""
+    name: str  #: in the file
+    size: int  #: how many numbers it gives
+    units: str  #: of them
+    frame: str  #: in which they are
+    long_name: str  #: what they are
+    site: str = ""  #: of an accelerometer, whose reading is corrected for gravity; else empty
 
 
 def sensors_of(model: mujoco.MjModel) -> tuple[Sensor, ...]:

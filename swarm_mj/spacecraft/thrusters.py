@@ -34,15 +34,10 @@ REACHED = 1e-3
 
 @dataclass(frozen=True)
 class Nozzles:
-    """Places and directions of the m nozzles of a spacecraft.
+    """Places and directions of the m nozzles of a spacecraft."""
 
-    Attributes:
-        position_B: Relative to the hub's origin, shape (m, 3) [m].
-        exhaust_B: Unit vectors along which gas leaves, shape (m, 3).
-    """
-
-    position_B: Array
-    exhaust_B: Array
+    position_B: Array  #: relative to the hub's origin, shape (m, 3) [m]
+    exhaust_B: Array  #: unit vectors along which gas leaves, shape (m, 3)
 
 
 def packaged_nozzles(layout: str, size: Sequence[float]) -> Nozzles:

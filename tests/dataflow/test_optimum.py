@@ -25,7 +25,7 @@ def check(network, schedule):
     """It can be flown, brings home what it says, and its bound is attained."""
     assert replay(network, schedule) == pytest.approx((schedule.taken * network.bits).sum(), abs=1e-6)
     assert schedule.value == pytest.approx(network.value @ schedule.delivered_share)
-    assert schedule.status == "optimal" and abs(schedule.gap) < 1e-9
+    assert schedule.status == "optimal" and schedule.bound == pytest.approx(schedule.value, rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -109,7 +109,7 @@ def test_fewer_links_deliver_no_more_and_all_neighbours_are_all_links():
 
 def test_a_chain_delivers_each_half_a_slot_later():
     schedule = optimum(chain())
-    assert schedule.value == pytest.approx(100.0) and schedule.origin.tolist() == [0]
+    assert schedule.value == pytest.approx(100.0)
     assert schedule.aboard_bit[0].tolist() == pytest.approx([8.0, 0.0])
     assert schedule.aboard_bit[1].tolist() == pytest.approx([4.0, 4.0])
     assert earliest_full(chain()) == pytest.approx((3, 30.0, 100.0, 50.0))

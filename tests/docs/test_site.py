@@ -67,6 +67,16 @@ def test_every_public_name_is_on_the_page_of_the_public_api(site):
         assert f"sm.{name}" in page, name
 
 
+def test_what_is_said_beside_a_field_and_above_one_is_in_the_reference(site):
+    simulator, flow = (
+        (site / "reference" / "api" / f"{room}.html").read_text("utf-8") for room in ("simulator", "dataflow")
+    )
+    assert "Time between two decisions [s]." in simulator  # beside `World.period`
+    assert "Tick from which on Python has something to do before the decision" in simulator  # above `Flights.due`
+    assert "in the last column, to Earth [bit]" in flow  # above `Contacts.peak_bit`, in two lines
+    assert api.with_fields_described("    a: int  #: what\n") == "    a: int\n    'What.'\n"
+
+
 def test_every_public_function_and_class_of_the_library_is_in_the_reference(site):
     rooms = api.rooms()
     assert {"api", "smallbody", "simulator", "envs"} <= set(rooms)

@@ -35,19 +35,12 @@ _LEAVE, _UPDATE, _RESET = 0, 1, 2
 
 
 class Claims(NamedTuple):
-    """What an agent tells its neighbours.
+    """What an agent tells its neighbours."""
 
-    Attributes:
-        sender: Who says it.
-        bid: Highest bid that it knows for each patch, shape (p,).
-        winner: Who made that, `NOBODY` for nobody, shape (p,).
-        heard: When what it knows of each agent was true, of itself now; infinite: lost, shape (a,).
-    """
-
-    sender: int
-    bid: Array
-    winner: Ints
-    heard: Array
+    sender: int  #: who says it
+    bid: Array  #: highest bid that it knows for each patch, shape (p,)
+    winner: Ints  #: who made that, `NOBODY` for nobody, shape (p,)
+    heard: Array  #: when what it knows of each agent was true, of itself now; infinite: lost, shape (a,)
 
 
 class Auction:

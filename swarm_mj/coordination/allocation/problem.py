@@ -25,41 +25,26 @@ class Pictures(NamedTuple):
     """All pictures that show something, agent by agent, and of each agent in the order in which it prefers equal ones.
 
     Preferred are those that rule out the fewest others of the agent, then early ones, then those of a low aim.
-
-    Attributes:
-        agent: Who takes it, rising, shape (x,).
-        slot: When, shape (x,).
-        aim: At what, shape (x,).
-        start: Number of an agent's first picture, and at last x, shape (a + 1,).
-        first: Where the patches of a picture start in `patch`, shape (x + 1,).
-        patch: The patches that each shows, rising, one picture after the other.
     """
 
-    agent: Ints
-    slot: Ints
-    aim: Ints
-    start: Ints
-    first: Ints
-    patch: Ints
+    agent: Ints  #: who takes it, rising, shape (x,)
+    slot: Ints  #: when, shape (x,)
+    aim: Ints  #: at what, shape (x,)
+    start: Ints  #: number of an agent's first picture, and at last x, shape (a + 1,)
+    first: Ints  #: where the patches of a picture start in `patch`, shape (x + 1,)
+    patch: Ints  #: the patches that each shows, rising, one picture after the other
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AllocationProblem:
-    """A problem of a agents, m aims, k slots and p patches.
+    """A problem of a agents, m aims, k slots and p patches."""
 
-    Attributes:
-        weight: Of each patch, not negative [m^2]; 0 for what need not be seen any more, shape (p,).
-        shows: Whether agent a's picture of aim m in slot k shows patch p, shape (a, m, k, p).
-        slew: Least number of slots from an agent's picture of one aim to one of another that follows, at least 1, shape
-            (a, m, m).
-        budget: Most pictures of each agent, shape (a,).
-        available: Whether an agent works in a slot, shape (a, k); default: all do.
-    """
-
-    weight: Array
-    shows: Mask
+    weight: Array  #: of each patch, not negative [m^2]; 0 for what need not be seen any more, shape (p,)
+    shows: Mask  #: whether agent a's picture of aim m in slot k shows patch p, shape (a, m, k, p)
+    #: least number of slots from an agent's picture of one aim to one of another that follows, at least 1, shape (a, m, m)
     slew: Ints
-    budget: Ints
+    budget: Ints  #: most pictures of each agent, shape (a,)
+    #: whether an agent works in a slot, shape (a, k); default: all do
     available: Mask = field(default_factory=lambda: np.empty(0, np.bool_))
 
     def __post_init__(self) -> None:
@@ -128,19 +113,12 @@ class AllocationProblem:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Allocation:
-    """Who takes which pictures.
+    """Who takes which pictures."""
 
-    Attributes:
-        pictures: Of each agent its pictures in order of time, as pairs (slot, aim).
-        value: Weight of all patches that are shown [m^2].
-        bound: No allocation has more [m^2].
-        status: 'optimal' or 'time limit' (`optimum`), 'greedy', or 'each alone' (`planned_alone`).
-    """
-
-    pictures: tuple[Schedule, ...]
-    value: float
-    bound: float = inf
-    status: str = "greedy"
+    pictures: tuple[Schedule, ...]  #: of each agent its pictures in order of time, as pairs (slot, aim)
+    value: float  #: weight of all patches that are shown [m^2]
+    bound: float = inf  #: no allocation has more [m^2]
+    status: str = "greedy"  #: 'optimal' or 'time limit' (`optimum`), 'greedy', or 'each alone' (`planned_alone`)
 
     @property
     def proven(self) -> bool:

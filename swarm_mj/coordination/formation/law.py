@@ -31,33 +31,20 @@ MESSAGE_BITS = HEAD_BITS + STAMP_BITS + STATE_BITS
 
 @dataclass(frozen=True, kw_only=True)
 class Messaging:
-    """How spacecraft tell each other where they are; only where the reference is not the plan.
+    """How spacecraft tell each other where they are; only where the reference is not the plan."""
 
-    Attributes:
-        every_s: Between messages [s].
-        silence_s: After which one that is not heard of counts as lost [s].
-        seed: Of lost messages.
-        access: Of the channel.
-    """
-
-    every_s: float = 10.0
-    silence_s: float = 45.0
-    seed: int = 0
-    access: Access = Access.ONE_AT_A_TIME
+    every_s: float = 10.0  #: between messages [s]
+    silence_s: float = 45.0  #: after which one that is not heard of counts as lost [s]
+    seed: int = 0  #: of lost messages
+    access: Access = Access.ONE_AT_A_TIME  #: of the channel
 
 
 class Fix(NamedTuple):
-    """What a message says: when the sender was where, and how fast.
+    """What a message says: when the sender was where, and how fast."""
 
-    Attributes:
-        t: [s].
-        r_N: Shape (3,) [m].
-        v_N: Shape (3,) [m/s].
-    """
-
-    t: float
-    r_N: Array
-    v_N: Array
+    t: float  #: [s]
+    r_N: Array  #: shape (3,) [m]
+    v_N: Array  #: shape (3,) [m/s]
 
 
 class RelativeNavigation:
@@ -129,14 +116,10 @@ def coast(gravity: AccelerationN, t: float, span: float, r_N: Array, v_N: Array)
 
 @dataclass(eq=False, kw_only=True)
 class FormationLog(MessageLog):
-    """What a flight's formation came to, with an entry at each time at which messages were sent.
+    """What a flight's formation came to, with an entry at each time at which messages were sent."""
 
-    Attributes:
-        leaders: When somebody took another for the leader: time [s], who, whom.
-        braked: How many periods each was braked for the sake of separation, shape (n,).
-    """
-
-    braked: Ints
+    braked: Ints  #: how many periods each was braked for the sake of separation, shape (n,)
+    #: when somebody took another for the leader: time [s], who, whom
     leaders: list[tuple[float, int, int]] = field(default_factory=list)
 
 

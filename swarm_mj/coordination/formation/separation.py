@@ -63,21 +63,13 @@ LEAST_GAP = 1e-3
 
 
 class Moves(NamedTuple):
-    """Relative motion of n spacecraft, and what each can do.
+    """Relative motion of n spacecraft, and what each can do."""
 
-    Attributes:
-        r: Places, shape (n, 3) [m].
-        v: Velocities, shape (n, 3) [m/s].
-        braking: Acceleration with which each stops, 0 for one that cannot, shape (n,) [m/s^2].
-        period: For which accelerations are held [s].
-        distance: That no pair may go below [m].
-    """
-
-    r: Array
-    v: Array
-    braking: Array
-    period: float
-    distance: float
+    r: Array  #: places, shape (n, 3) [m]
+    v: Array  #: velocities, shape (n, 3) [m/s]
+    braking: Array  #: acceleration with which each stops, 0 for one that cannot, shape (n,) [m/s^2]
+    period: float  #: for which accelerations are held [s]
+    distance: float  #: that no pair may go below [m]
 
     def after(self, w: Array) -> Moves:
         """The same a period later, shape of w (n, 3) [m/s^2]."""

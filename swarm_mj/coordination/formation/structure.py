@@ -20,21 +20,13 @@ NODE_S, MOST_NODES = 5.0, 20_001
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Structure:
-    """Paths of n spacecraft and of the point that they are about, in N.
+    """Paths of n spacecraft and of the point that they are about, in N."""
 
-    Attributes:
-        path: Places by time, of shape (n, 3) [m].
-        centre: The point's place by time, shape (3,) [m].
-        gravity: Function (t, r (k, 3)) -> (k, 3) [m/s^2], as flight software has it.
-        free: Whether the paths are free flights; otherwise all are accelerated as the point is.
-        start_s: From when on they are held, to the end of the flight [s].
-    """
-
-    path: CubicHermiteSpline
-    centre: CubicHermiteSpline
-    gravity: AccelerationN
-    free: bool
-    start_s: float
+    path: CubicHermiteSpline  #: places by time, of shape (n, 3) [m]
+    centre: CubicHermiteSpline  #: the point's place by time, shape (3,) [m]
+    gravity: AccelerationN  #: function (t, r (k, 3)) -> (k, 3) [m/s^2], as flight software has it
+    free: bool  #: whether the paths are free flights; otherwise all are accelerated as the point is
+    start_s: float  #: from when on they are held, to the end of the flight [s]
 
     def states(self, t: float) -> tuple[Array, Array]:
         """Positions [m] and velocities [m/s] of all, each of shape (n, 3)."""

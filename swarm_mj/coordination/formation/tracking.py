@@ -25,17 +25,11 @@ INNER = 1.0 / 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Tracking:
-    """The feedback's numbers.
+    """The feedback's numbers."""
 
-    Attributes:
-        bandwidth: Natural frequency of small errors [rad/s].
-        damping: Damping ratio [-].
-        dead_band: Error up to which nothing is done [m]; 0: none.
-    """
-
-    bandwidth: float
-    damping: float
-    dead_band: float
+    bandwidth: float  #: natural frequency of small errors [rad/s]
+    damping: float  #: damping ratio [-]
+    dead_band: float  #: error up to which nothing is done [m]; 0: none
 
     def check_period(self, period: float) -> None:
         """See that a control period is short against the bandwidth, and against the rate gain.

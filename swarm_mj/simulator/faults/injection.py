@@ -32,14 +32,7 @@ from swarm_mj.simulator.faults.dispersions import (
     unscaled,
 )
 from swarm_mj.simulator.faults.relay_election import Succession, relay_of
-from swarm_mj.simulator.faults.schedule import (
-    AT_DEPLOYMENT,
-    RELAY,
-    Event,
-    FaultModel,
-    ScheduledFault,
-    draw_schedule,
-)
+from swarm_mj.simulator.faults.schedule import AT_DEPLOYMENT, RELAY, Event, FaultModel, ScheduledFault, draw_schedule
 from swarm_mj.simulator.flights import NEVER, Conditions, World, arrays_of, fill, row_of, rows_of
 from swarm_mj.simulator.mujoco import write_masses
 from swarm_mj.simulator.sensors import NOISE_ROWS, SENSOR_FAULTS, Sensing, can_err, most_readings

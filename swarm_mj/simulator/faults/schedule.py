@@ -86,11 +86,7 @@ def draw_schedule(
 
 
 def deployed_velocities(
-    planned: Array,
-    mothership: Array,
-    schedule: Sequence[ScheduledFault],
-    errors: Array,
-    release_s: Array | None = None,
+    planned: Array, mothership: Array, schedule: Sequence[ScheduledFault], errors: Array, release_s: Array | None = None
 ) -> tuple[Array, list[Event]]:
     """Velocities after deployment.
 
@@ -161,9 +157,5 @@ def _scheduled(fault: Any, j: int, moment: float, which: float, n_wheels: int, d
         drawn = min(int(which * n_wheels), n_wheels - 1)
         wheels = tuple(range(n_wheels)) if wheel == "all" else (drawn if wheel == "any" else wheel - 1,)
     return ScheduledFault(
-        time_s=time,
-        spacecraft=j,
-        wheels=wheels,
-        over_s=inf if lasts is None else time + lasts,
-        fault=fault,
+        time_s=time, spacecraft=j, wheels=wheels, over_s=inf if lasts is None else time + lasts, fault=fault
     )

@@ -43,49 +43,29 @@ _OPPOSITE: Final = 1e-8
 
 
 class LineOfSight(NamedTuple):
-    """From n spacecraft to their targets, in N.
+    """From n spacecraft to their targets, in N."""
 
-    Attributes:
-        rho_N: Position of the target minus position of the spacecraft [m], shape (n, 3).
-        rho_dot_N: Its first time derivative [m/s], shape (n, 3).
-        rho_ddot_N: Its second time derivative [m/s^2], shape (n, 3).
-    """
-
-    rho_N: Array
-    rho_dot_N: Array
-    rho_ddot_N: Array
+    rho_N: Array  #: position of the target minus position of the spacecraft [m], shape (n, 3)
+    rho_dot_N: Array  #: its first time derivative [m/s], shape (n, 3)
+    rho_ddot_N: Array  #: its second time derivative [m/s^2], shape (n, 3)
 
 
 class Reference(NamedTuple):
-    """Reference attitudes R of n spacecraft and their motion.
+    """Reference attitudes R of n spacecraft and their motion."""
 
-    Attributes:
-        q_RN: Attitudes (w, x, y, z), shape (n, 4).
-        omega_RN_N: Angular velocities [rad/s], shape (n, 3).
-        domega_RN_N: Their inertial time derivatives [rad/s^2], shape (n, 3).
-        los_N: Unit lines of sight, shape (n, 3).
-    """
-
-    q_RN: Array
-    omega_RN_N: Array
-    domega_RN_N: Array
-    los_N: Array
+    q_RN: Array  #: attitudes (w, x, y, z), shape (n, 4)
+    omega_RN_N: Array  #: angular velocities [rad/s], shape (n, 3)
+    domega_RN_N: Array  #: their inertial time derivatives [rad/s^2], shape (n, 3)
+    los_N: Array  #: unit lines of sight, shape (n, 3)
 
 
 class TrackingError(NamedTuple):
-    """How n bodies miss their references, in body components.
+    """How n bodies miss their references, in body components."""
 
-    Attributes:
-        sigma_BR: Attitude errors with |sigma| <= 1, shape (n, 3).
-        omega_BR_B: Rate errors [rad/s], shape (n, 3).
-        omega_RN_B: Reference rates [rad/s], shape (n, 3).
-        domega_RN_B: Inertial derivatives of the reference rates [rad/s^2], shape (n, 3).
-    """
-
-    sigma_BR: Array
-    omega_BR_B: Array
-    omega_RN_B: Array
-    domega_RN_B: Array
+    sigma_BR: Array  #: attitude errors with |sigma| <= 1, shape (n, 3)
+    omega_BR_B: Array  #: rate errors [rad/s], shape (n, 3)
+    omega_RN_B: Array  #: reference rates [rad/s], shape (n, 3)
+    domega_RN_B: Array  #: inertial derivatives of the reference rates [rad/s^2], shape (n, 3)
 
 
 @allocation_free

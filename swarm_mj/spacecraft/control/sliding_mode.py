@@ -44,27 +44,16 @@ _STABILITY_LIMIT = 2.0
 
 
 class Gains(NamedTuple):
-    """The parameters as compiled code takes them, in the order of `CompiledLaw.numbers`.
+    """The parameters as compiled code takes them, in the order of `CompiledLaw.numbers`."""
 
-    Attributes:
-        slope: Of the manifold [1/s].
-        rate_limit: Largest slew rate on it [rad/s]; infinite: none.
-        reaching_rate: [rad/s^2].
-        layer: Half the width of the boundary layer [rad/s].
-        damping: [1/s].
-        disturbance: Torque that is allowed for [N m].
-        uncertainty: Of the inertia, relative.
-        feed_forward: Share of the reference acceleration that is fed to the wheels ahead of any error: 1 or 0.
-    """
-
-    slope: float
-    rate_limit: float
-    reaching_rate: float
-    layer: float
-    damping: float
-    disturbance: float
-    uncertainty: float
-    feed_forward: float
+    slope: float  #: of the manifold [1/s]
+    rate_limit: float  #: largest slew rate on it [rad/s]; infinite: none
+    reaching_rate: float  #: [rad/s^2]
+    layer: float  #: half the width of the boundary layer [rad/s]
+    damping: float  #: [1/s]
+    disturbance: float  #: torque that is allowed for [N m]
+    uncertainty: float  #: of the inertia, relative
+    feed_forward: float  #: share of the reference acceleration that is fed to the wheels ahead of any error: 1 or 0
 
 
 @dataclass(frozen=True, kw_only=True)
