@@ -21,17 +21,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from swarm_mj.api.campaign import campaign, compare_classes, replay
-    from swarm_mj.api.checks import validate
+    from swarm_mj.api.checks import score, validate
     from swarm_mj.api.design import Design, design
     from swarm_mj.api.flight import Flight, fly
     from swarm_mj.api.navigate import Navigation, navigate
     from swarm_mj.api.observe import Observation, observe
     from swarm_mj.api.results import open, open_design, report
-    from swarm_mj.api.scenario import Scenario, available, explain, load, packaged
-    from swarm_mj.api.score import score
-    from swarm_mj.api.simulation import simulation, view
+    from swarm_mj.api.scenario import Scenario, available, explain, load, simulation, view
     from swarm_mj.errors import SwarmError
-    from swarm_mj.scenarios.json_schema import json_schema
+    from swarm_mj.scenarios.catalogue import json_schema
+    from swarm_mj.scenarios.loading import packaged
     from swarm_mj.smallbody.shape_harmonics import build_shape
     from swarm_mj.smallbody.shape_io import load_shape, save_shape
 
@@ -73,17 +72,16 @@ _HOMES = {
     name: home
     for home, names in {
         "api.campaign": ("campaign", "compare_classes", "replay"),
-        "api.checks": ("validate",),
+        "api.checks": ("score", "validate"),
         "api.design": ("Design", "design"),
         "api.flight": ("Flight", "fly"),
         "api.navigate": ("Navigation", "navigate"),
         "api.observe": ("Observation", "observe"),
         "api.results": ("open", "open_design", "report"),
-        "api.scenario": ("Scenario", "available", "explain", "load", "packaged"),
-        "api.score": ("score",),
-        "api.simulation": ("simulation", "view"),
+        "api.scenario": ("Scenario", "available", "explain", "load", "simulation", "view"),
         "errors": ("SwarmError",),
-        "scenarios.json_schema": ("json_schema",),
+        "scenarios.catalogue": ("json_schema",),
+        "scenarios.loading": ("packaged",),
         "smallbody.shape_harmonics": ("build_shape",),
         "smallbody.shape_io": ("load_shape", "save_shape"),
     }.items()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.metadata import EntryPoint
 
 from swarm_mj import plugins
-from swarm_mj.scenarios.plugin_arguments import GROUPS, PluginGroup, arguments, installed, summary_of
+from swarm_mj.scenarios.catalogue import GROUPS, PluginGroup, arguments, installed, summary_of
 
 
 def page() -> str:

@@ -1,10 +1,10 @@
-"""Scenarios as users meet them: read by name, path or mapping, shown in notebooks, and listed."""
+"""Scenarios as users meet them: read by name, path or mapping, shown in notebooks, listed, and in flight step by step."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import yaml
@@ -21,8 +21,10 @@ from swarm_mj.scenarios.loading import (
     design_overrides,
     design_section,
     load_scenario,
-    packaged_text,
 )
+
+if TYPE_CHECKING:
+    from swarm_mj.simulator.simulation import Simulation
 
 #: What the short table of a scenario shows, by its words.
 SHOWN: dict[str, Callable[[schema.Scenario], str]] = {
@@ -135,15 +137,6 @@ def load(
     return Scenario.of(scenario)
 
 
-def packaged(name: str) -> str:
-    """Text of a packaged scenario, a start for a file of one's own.
-
-    Raises:
-        ScenarioError: There is none of that name; the message lists them.
-    """
-    return packaged_text(name)
-
-
 def available() -> pd.DataFrame:
     """What can be named: scenarios for `load`, campaigns for `campaign`, and installed plug-ins; with kind and description.
 
@@ -168,3 +161,40 @@ def explain(name: str = "") -> pd.DataFrame:
         PluginError: The plug-in cannot be loaded.
     """
     return pd.DataFrame(catalogue.explained(name), columns=["key", *Key._fields[1:]]).set_index("key")
+
+
+def simulation(
+    scenario: ScenarioSource, overrides: Mapping[str, Any] = NO_OVERRIDES, *, geometry: bool = False
+) -> Simulation:
+    """The simulation of a scenario at its start, to be stepped by hand.
+
+    `sim.step()` decides and integrates one control period; `sim.data` and `sim.model.mjmodel` are MuJoCo's MjData and MjModel,
+    live; `sim.time` is the time of the flight [s].
+
+    Args:
+        scenario: What to fly, as `load` takes it.
+        overrides: Values by dotted key that change it.
+        geometry: Whether the model holds shapes, cameras and light as well, for MuJoCo's own viewers and renderer.
+
+    Raises:
+        SwarmError: The scenario cannot be flown.
+    """
+    from swarm_mj.flight.fly import make_simulation
+
+    return make_simulation(make_plan(load(scenario, overrides)), geometry=geometry)
+
+
+def view(scenario: ScenarioSource, overrides: Mapping[str, Any] = NO_OVERRIDES, *, speed: float = 10.0) -> None:
+    """Fly a scenario in MuJoCo's viewer until its window is closed; needs a display.
+
+    Args:
+        scenario: What to fly, as `load` takes it.
+        overrides: Values by dotted key that change it.
+        speed: Seconds of flight per second at the start.
+
+    Raises:
+        SwarmError: The scenario cannot be flown, no window can be opened, or the speed is out of range.
+    """
+    from swarm_mj.rendering.viewer import run_view
+
+    run_view(load(scenario, overrides), speed=speed)

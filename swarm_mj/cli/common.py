@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,15 +26,7 @@ def add_command(
     words: str,
     description: str | None = None,
 ) -> argparse.ArgumentParser:
-    """A command of the parser.
-
-    Args:
-        commands: Where it is added.
-        name: Its name.
-        run: What it does; returns the exit status.
-        words: What it is for, in the list of commands.
-        description: The same in its own help; None: the words as a sentence.
-    """
+    """A command whose `run` returns the exit status; the list of commands says its words, its own help the description."""
     command = commands.add_parser(name, help=words, description=description or f"{words[0].upper()}{words[1:]}.")
     assert isinstance(command, argparse.ArgumentParser)
     command.set_defaults(command=run)
@@ -88,15 +79,13 @@ def overrides_of(arguments: argparse.Namespace) -> dict[str, Any]:
     return parse_overrides(arguments.overrides) | ({} if seed is None else {"seed": seed})
 
 
-@contextmanager
-def bars_for(arguments: argparse.Namespace) -> Iterator[Progress]:
+def bars_for(arguments: argparse.Namespace) -> Progress:
     """Progress bars on the screen, none with `--quiet`."""
     from rich.console import Console
 
     from swarm_mj.io.progress import progress_bars
 
-    with progress_bars(Console(), arguments.quiet) as bars:
-        yield bars
+    return progress_bars(Console(), arguments.quiet)
 
 
 def narrowest(console: Console, table: Table) -> tuple[int, int]:

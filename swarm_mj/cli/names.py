@@ -66,14 +66,14 @@ def _wrapped(line: str, indent: int) -> str:
 
 
 def _packaged(arguments: argparse.Namespace) -> int:
-    from swarm_mj.scenarios.loading import packaged_text
+    from swarm_mj.scenarios.loading import packaged
 
-    print(packaged_text(arguments.name), end="")
+    print(packaged(arguments.name), end="")
     return 0
 
 
 def _json_schema(_: argparse.Namespace) -> int:
-    from swarm_mj.scenarios.json_schema import json_schema
+    from swarm_mj.scenarios.catalogue import json_schema
 
     print(json.dumps(json_schema(), indent=2))
     return 0

@@ -69,7 +69,8 @@ def explained(error: Any) -> str:
     if kind == "missing" and isinstance(given, (list, tuple)):
         # The location ends in the number of the value that is not there.
         key = ".".join(str(part) for part in path[:-1])
-        return f"  {key} = {shown(given)}: must be a list of {_length(path[:-1])}, not {len(given)}"
+        length = _fixed_length(_model_at(path[:-2]).model_fields[str(path[-2])].annotation)
+        return f"  {key} = {shown(given)}: must be a list of {length}, not {len(given)}"
     if kind == "missing":
         return f"  {key}: missing, a value is required"
     if kind == "value_error":
@@ -118,11 +119,6 @@ def _model_at(path: Sequence[str | int]) -> type[BaseModel]:
         if isinstance(key, str):  # else the number of a section in a list
             model = section_of(model.model_fields[key].annotation) or model
     return model
-
-
-def _length(path: Sequence[str | int]) -> int:
-    """How many values the list at a path has."""
-    return _fixed_length(_model_at(path[:-1]).model_fields[str(path[-1])].annotation)
 
 
 def _fixed_length(annotation: Any) -> int:

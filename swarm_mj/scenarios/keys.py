@@ -73,10 +73,7 @@ class Key(NamedTuple):
 
 
 def find_keys(path: str = "") -> list[tuple[str, Key]]:
-    """Keys at or below a dotted path, each with its whole dotted name; those of faults are at `faults.KIND`.
-
-    Args:
-        path: A section (`camera`, `body.gravity`, `faults.wheel_lost`), a key (`camera.half_angle_deg`), or empty for all.
+    """Keys at or below a dotted path, or all, each with its whole dotted name; those of faults are at `faults.KIND`.
 
     Raises:
         ScenarioError: The schema has no such section or key.

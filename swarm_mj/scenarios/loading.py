@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import difflib
+import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
-from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -19,7 +19,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.io.records import bytes_of, one_line, reading, record_from
 from swarm_mj.io.values import MAX_DEPTH, check_data, shortened, shown
 from swarm_mj.plugins import file_of
-from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, expanded_body, packaged_body
+from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, expanded_body, packaged_body, packaged_files
 from swarm_mj.scenarios.coverage_relations import with_ground_resolution
 from swarm_mj.scenarios.design_record import DesignRecord
 from swarm_mj.scenarios.explaining import explained, listed
@@ -48,31 +48,25 @@ _CLOSING = (yaml.BlockEndToken, yaml.FlowSequenceEndToken, yaml.FlowMappingEndTo
 
 def packaged_names() -> list[str]:
     """Names of the packaged scenarios, sorted."""
-    folder = resources.files("swarm_mj.scenarios")
-    return sorted(p.name.removesuffix(".yaml") for p in folder.iterdir() if p.name.endswith(".yaml"))
+    return list(packaged_files())
 
 
-def packaged_text(name: str) -> str:
-    """Text of a packaged scenario.
+def packaged(name: str) -> str:
+    """Text of a packaged scenario, a start for a file of one's own.
 
     Raises:
         ScenarioError: There is none of that name; the message lists them.
     """
-    known = packaged_names()
+    known = packaged_files()
     if name not in known:
-        if f"{name}.yaml" in _packaged_campaigns():
+        if name in packaged_files("campaigns"):
             raise ScenarioError(_is_campaign(name))
         close = difflib.get_close_matches(name, known, n=1)
         hint = f" Did you mean {close[0]!r}?" if close else ""
         raise ScenarioError(
             f"{shortened(name)}: no such scenario.{hint} Packaged: {', '.join(known)}. The name of a file must end in .yaml"
         )
-    return (resources.files("swarm_mj.scenarios") / f"{name}.yaml").read_text("utf-8")
-
-
-def _packaged_campaigns() -> list[str]:
-    folder = resources.files("swarm_mj.scenarios") / "campaigns"
-    return [p.name for p in folder.iterdir()] if folder.is_dir() else []
+    return known[name].read_text("utf-8")
 
 
 def _is_campaign(source: str) -> str:
@@ -189,15 +183,15 @@ def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
 
     What is packaged is meant by its name, whatever stands beside the file.
     """
-    for section, key, packaged in (
+    for section, key, names in (
         ("body", "shape", PACKAGED_SHAPES),
-        ("design", "reference", packaged_designs()),
+        ("design", "reference", packaged_files("designs", ".json")),
         ("spacecraft", "mjcf", []),
         ("mothership.ephemeris", "oem", []),
         ("mothership.ephemeris", "spk", []),
     ):
         values = _section(data, section)
-        if isinstance(values.get(key), str) and values[key] not in packaged:
+        if isinstance(values.get(key), str) and values[key] not in names:
             values[key] = _resolved(values[key], folder)
     for section, key in (("control", "controller"), ("body.gravity", "model"), ("behavior", "name")):
         values = _section(data, section)
@@ -231,14 +225,11 @@ def _section(data: dict[str, Any], path: str) -> dict[str, Any]:
 
 def _resolved(name: str, folder: Path) -> str:
     path = folder / name
-    return str(path.resolve()) if _exists(path) and path.is_file() else name
+    return str(path.resolve()) if os.path.isfile(path) else name
 
 
 def design_section(reference: str) -> dict[str, Any]:
-    """What a design that `swarm-mj design` made gives the section `design`: `visiting_points` and `observers`.
-
-    Args:
-        reference: A packaged name (`swarm_mj/scenarios/designs`) or the path of a design.json.
+    """What a design gives the section `design`: `visiting_points` and `observers`; by its packaged name or its design.json.
 
     Raises:
         ScenarioError: It cannot be read or holds no design.
@@ -254,13 +245,10 @@ def design_overrides(section: Mapping[str, Any]) -> dict[str, Any]:
 
 def design_record(reference: str) -> dict[str, Any]:
     """The whole record of a design, with its `visiting_points` checked; args and errors as in `design_section`."""
-    known = packaged_designs()
+    known = packaged_files("designs", ".json")
     asked = f"design.reference (--design) = {shortened(reference)}"
     try:
-        if reference in known:
-            raw = (resources.files("swarm_mj.scenarios") / "designs" / f"{reference}.json").read_bytes()
-        else:
-            raw = bytes_of(Path(reference), MAX_BYTES)
+        raw = known[reference].read_bytes() if reference in known else bytes_of(Path(reference), MAX_BYTES)
         record_from(raw, Any)
     except (OSError, ValueError) as error:
         raise ScenarioError(
@@ -272,12 +260,6 @@ def design_record(reference: str) -> dict[str, Any]:
     except ValueError as error:
         raise ScenarioError(f"{asked}: is no design.json of `swarm-mj design` ({one_line(error)})") from None
     return design
-
-
-def packaged_designs() -> list[str]:
-    """Names of the packaged designs, sorted."""
-    folder = resources.files("swarm_mj.scenarios") / "designs"
-    return sorted(p.name.removesuffix(".json") for p in folder.iterdir() if p.name.endswith(".json"))
 
 
 def _resolve_design(data: dict[str, Any]) -> None:
@@ -293,10 +275,9 @@ def _resolve_design(data: dict[str, Any]) -> None:
 def _read(name_or_path: str | Path) -> tuple[str, str, Path | None]:
     """Text, origin for errors, and the folder of a file; None for what is packaged."""
     path = Path(name_or_path)
-    packaged = str(name_or_path) in packaged_names()
-    if path.suffix in {".yaml", ".yml"} or (not packaged and _exists(path)):
+    if path.suffix in {".yaml", ".yml"} or (str(name_or_path) not in packaged_names() and os.path.exists(path)):
         return file_text(path, "scenario"), str(path), path.parent
-    return packaged_text(str(name_or_path)), str(name_or_path), None
+    return packaged(str(name_or_path)), str(name_or_path), None
 
 
 def file_text(path: Path, what: str, most: int = MAX_BYTES) -> str:
@@ -307,13 +288,6 @@ def file_text(path: Path, what: str, most: int = MAX_BYTES) -> str:
     """
     with reading(path, f"give a {what} in YAML", ScenarioError):
         return bytes_of(path, most).decode("utf-8")
-
-
-def _exists(path: Path) -> bool:
-    try:
-        return path.exists()
-    except OSError:  # a name too long for any file
-        return False
 
 
 class _Loader(yaml.SafeLoader):
@@ -346,11 +320,7 @@ _Loader.add_implicit_resolver(
 
 
 def _yaml(text: str) -> Any:
-    """Read YAML without aliases.
-
-    Raises:
-        ValueError: It is none.
-    """
+    """Read YAML without aliases; a ValueError says what is wrong with it."""
     try:
         _check_tokens(text)
         return yaml.load(text, Loader=_Loader)
@@ -364,11 +334,7 @@ def _yaml(text: str) -> Any:
 
 
 def _check_tokens(text: str) -> None:
-    """Look through YAML before anything is built of it.
-
-    Raises:
-        yaml.YAMLError: It is none, holds an alias, or is deeper than a scenario may be.
-    """
+    """Refuse, before anything is built of it, what is no YAML, holds an alias, or is deeper than a scenario may be."""
     depth = 0
     for token in yaml.scan(text):
         # Aliases let a page of text unfold into gigabytes, or contain itself; no scenario needs them.

@@ -45,15 +45,9 @@ class Thrusters(Section):
 
 
 def thrusters_fit_inside(thrusters: Thrusters, hub_kg: float | None, mjcf: str | None) -> None:
-    """See that the tank fits into the hub, and that the nozzles are where the layout says.
+    """Refuse a tank that does not fit into the hub of this mass without wheels, and nozzles that are not where the layout says.
 
-    Args:
-        thrusters: What is asked for.
-        hub_kg: Mass without wheels [kg]; None: the file's, which is checked when it is read.
-        mjcf: Path of the spacecraft's file; None: the packaged one.
-
-    Raises:
-        ValueError: They do not.
+    The hub of a file (`mjcf`) is checked when that is read, its mass is None here.
     """
     if hub_kg is not None and thrusters.propellant_kg >= hub_kg:
         raise ValueError(
@@ -66,11 +60,7 @@ def thrusters_fit_inside(thrusters: Thrusters, hub_kg: float | None, mjcf: str |
 
 
 def thrusters_can_pulse(thrusters: Thrusters, period_s: float) -> None:
-    """See that a control period has room for the shortest pulse.
-
-    Raises:
-        ValueError: It has not.
-    """
+    """Refuse a control period without room for the shortest pulse."""
     most = thrusters.thrust_n * period_s
     if thrusters.min_impulse_bit_n_s > most:
         raise ValueError(
@@ -119,11 +109,7 @@ class Navigation(Section):
 
 
 def corrections_can_be_flown(trajectory: Trajectory, thrusters: Thrusters | None) -> None:
-    """See that there is something to correct with.
-
-    Raises:
-        ValueError: There is not.
-    """
+    """Refuse corrections without anything to correct with."""
     if not trajectory.corrections:
         return
     what = f"trajectory.corrections: {len(trajectory.corrections)} given"

@@ -73,9 +73,7 @@ class Formation(Section):
 class Swarm(Section):
     """What of movement, sensing and communication is coordinated; absent: the behaviour alone decides, as in class 2."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True, serialize_by_alias=True
-    )
+    model_config = ConfigDict(populate_by_name=True, serialize_by_alias=True)
 
     level: Literal[0, 1, 2, 3, 4] = Field(
         alias="class",

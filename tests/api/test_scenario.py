@@ -8,11 +8,11 @@ import pytest
 import yaml
 
 import swarm_mj as sm
-from swarm_mj.scenarios.loading import load_scenario, packaged_text, parse_overrides
+from swarm_mj.scenarios.loading import load_scenario, packaged, parse_overrides
 
 
 def test_a_name_a_file_and_a_mapping_are_the_same_scenario(tmp_path):
-    (tmp_path / "mine.yaml").write_text(packaged_text("eros-config2"))
+    (tmp_path / "mine.yaml").write_text(packaged("eros-config2"))
     by_name, by_file = sm.load("eros-config2"), sm.load(tmp_path / "mine.yaml")
     by_mapping = sm.load(by_name.model_dump(mode="json"))
     assert by_name == by_file == by_mapping

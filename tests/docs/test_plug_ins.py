@@ -2,7 +2,7 @@
 
 import pytest
 
-from swarm_mj.scenarios.plugin_arguments import GROUPS, arguments, installed
+from swarm_mj.scenarios.catalogue import GROUPS, arguments, installed
 
 plug_ins = pytest.importorskip("scripts.site.plug_ins")
 

@@ -8,9 +8,8 @@ import swarm_mj as sm
 from swarm_mj import plugins
 from swarm_mj.cli.main import main
 from swarm_mj.errors import ScenarioError
-from swarm_mj.scenarios.json_schema import json_schema
-from swarm_mj.scenarios.loading import load_scenario, packaged_names, packaged_text
-from swarm_mj.scenarios.plugin_arguments import GROUPS, arguments, installed, summary_of
+from swarm_mj.scenarios.catalogue import GROUPS, arguments, installed, json_schema, summary_of
+from swarm_mj.scenarios.loading import load_scenario, packaged, packaged_names
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +23,7 @@ def errors(schema, overrides):
 
 @pytest.mark.parametrize("name", packaged_names())
 def test_every_packaged_scenario_agrees_with_the_json_schema(schema, name):
-    jsonschema.validate(yaml.safe_load(packaged_text(name)), schema, jsonschema.Draft202012Validator)
+    jsonschema.validate(yaml.safe_load(packaged(name)), schema, jsonschema.Draft202012Validator)
 
 
 def test_the_json_schema_knows_the_arguments_of_the_plug_in_that_is_named(schema):

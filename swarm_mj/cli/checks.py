@@ -1,4 +1,4 @@
-"""The command `score`."""
+"""The commands `score` and `validate`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
+    """Add the commands to the parser."""
     score = add_command(
         commands,
         "score",
@@ -38,19 +38,32 @@ def add(commands: argparse._SubParsersAction) -> None:
         "--out", type=Path, metavar="FILE", help="write all numbers there as JSON, a list of the policies"
     )
     add_quiet(score)
+    validate = add_command(
+        commands,
+        "validate",
+        _validate,
+        "run the physics checks on the installed program",
+        "Compare the installed program with independent references; exit status 1 if a check fails. Those that are "
+        "other programs come with the extra dev; without it their checks are not run.",
+    )
+    validate.add_argument(
+        "--only", action="append", default=[], metavar="NAME", help="run this check or group; may be repeated"
+    )
+    validate.add_argument("--json", type=Path, metavar="FILE", help="write the results as JSON")
+    validate.add_argument("--markdown", type=Path, metavar="FILE", help="write the results as a Markdown page")
+    add_quiet(validate)
 
 
 def _score(arguments: argparse.Namespace) -> int:
     import json
-    from contextlib import ExitStack
+    from contextlib import nullcontext
 
-    from swarm_mj.api.score import score
+    from swarm_mj.api.checks import score
     from swarm_mj.io.atomic import atomic_file
 
     out = arguments.out
-    with ExitStack() as stack:
-        # What cannot be written is refused before anybody flies for it.
-        partial = None if out is None else stack.enter_context(atomic_file(out))
+    # What cannot be written is refused before anybody flies for it.
+    with nullcontext() if out is None else atomic_file(out) as partial:
         with bars_for(arguments) as bars:
             scores = score(arguments.policy, episodes=arguments.episodes, key=arguments.key, progress=bars)
         if partial is not None:
@@ -84,3 +97,9 @@ def _told_apart(policies: Sequence[str]) -> list[str]:
             break
         short = shorter
     return short
+
+
+def _validate(arguments: argparse.Namespace) -> int:
+    from swarm_mj.verification.runner import run_validation
+
+    return run_validation(arguments.only, arguments.json, arguments.markdown, arguments.quiet)
