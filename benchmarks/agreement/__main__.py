@@ -63,7 +63,7 @@ def measure(names: list[str]) -> dict[str, Any]:
             rows = compare(flown, answers)
             results["flights"][key] = {
                 "title": mission.title,
-                "spacecraft": flown.states.n,
+                "spacecraft": flown.states.plan.n,
                 "samples": len(flown.states.times),
                 "path_samples": len(flown.states.times[:: flown.stride]),
                 "duration_s": float(flown.states.times[-1]),

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 import swarm_mj as sm
 from benchmarks.agreement.coefficients import terms
-from swarm_mj.interop.kernels_text import rotation_constants
-from swarm_mj.interop.states import FlightStates, states_of
+from swarm_mj.interop.kernels import rotation_constants
+from swarm_mj.interop.states import FlightStates
 from swarm_mj.scenarios.constants import AU, DAY, GM_SUN
 from swarm_mj.scenarios.loading import NO_OVERRIDES
 from swarm_mj.smallbody.ephemeris import julian_date
@@ -98,7 +98,7 @@ def fly(mission: Mission, folder: Path, changes: Mapping[str, Any] = NO_OVERRIDE
     flight = sm.fly(mission.scenario, {**mission.changes, **changes})
     flight.export(folder / "export", formats=FORMATS)
     flight.export(folder / "export3", formats=["oem", "aem"], ccsds=3)
-    flown = Flown(mission, states_of(flight.plan, flight.telemetry))
+    flown = Flown(mission, FlightStates(flight.plan, flight.telemetry))
     (folder / "job.json").write_text(json.dumps(facts(flown), indent=1) + "\n", encoding="utf-8")
     np.savez(folder / "asked.npz", **asked(flown, folder))
     return flown
@@ -111,7 +111,7 @@ def facts(flown: Flown) -> dict[str, Any]:
     rate = degrees(environment.spin_rate) * DAY
     published = scenario.body.rotation
     out: dict[str, Any] = {
-        "names": states.names,
+        "names": states.plan.names,
         "body": states.body.name,
         "code": states.body.code,
         "epoch": scenario.epoch,
@@ -172,7 +172,7 @@ def asked(flown: Flown, folder: Path) -> dict[str, Array]:
         "et": states.et,
         "times": states.times[:: flown.stride],
         "turn_times": flown.turn_times,
-        "start_E": np.array([first_state(folder / "export" / "oem" / f"{name}.oem") for name in states.names]),
+        "start_E": np.array([first_state(folder / "export" / "oem" / f"{name}.oem") for name in states.plan.names]),
     }
     if flown.mission.wheels:
         telemetry = states.telemetry

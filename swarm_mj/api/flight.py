@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -33,9 +33,10 @@ from swarm_mj.scenarios import schema
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 
+@dataclass(eq=False, repr=False)
 class Flight:
     """What a swarm did and saw.
 
@@ -48,18 +49,13 @@ class Flight:
         folder: Where it is saved; None: nowhere yet.
     """
 
-    def __init__(
-        self,
-        plan: Plan,
-        telemetry: xr.Dataset,
-        result: ObservationResult,
-        summary: dict[str, Any],
-        *,
-        design: dict[str, Any] | None = None,
-        folder: Path | None = None,
-    ) -> None:
-        self.plan, self.telemetry, self.result, self.summary = plan, telemetry, result, summary
-        self.design, self.folder = design, folder
+    plan: Plan
+    telemetry: xr.Dataset
+    result: ObservationResult
+    summary: dict[str, Any]
+    _: KW_ONLY
+    design: dict[str, Any] | None = None
+    folder: Path | None = None
 
     @property
     def scenario(self) -> Scenario:
@@ -235,9 +231,9 @@ class Flight:
             OutputError: The folder cannot be written or holds something else.
         """
         from swarm_mj.interop.export import export_flight
-        from swarm_mj.interop.states import states_of
+        from swarm_mj.interop.states import FlightStates
 
-        return export_flight(states_of(self.plan, self.telemetry), Path(folder), formats, ccsds)
+        return export_flight(FlightStates(self.plan, self.telemetry), Path(folder), formats, ccsds)
 
     def __repr__(self) -> str:
         """One line: what was flown and what it saw."""
@@ -248,6 +244,8 @@ class Flight:
 
     def _repr_html_(self) -> str:
         """For notebooks: a short table and the picture of the operation."""
+        from swarm_mj.figures.run_figures import COMPOSERS
+
         plan, summary = self.plan, self.summary
         rows = [
             (f"observed area, in the {summary['criterion']}", percent_text(self.coverage.percent)),
@@ -262,7 +260,7 @@ class Flight:
             ("wheel speed, at most", f"{100 * summary['max_wheel_speed_fraction']:.0f} % of the limit"),
             *[("note", words) for words in self.findings],
         ]
-        picture = figure_html(lambda: composed("operation", self))
+        picture = figure_html(partial(COMPOSERS["operation"], plan, self.telemetry, self.result))
         return rows_html(f"Flight of {plan.scenario.name}", plan.scenario.description, rows) + picture
 
 
@@ -276,13 +274,6 @@ def cells_table(region: TargetRegion, coverage: CoverageMap) -> pd.DataFrame:
         "observers": coverage.seen_by.sum(axis=0),
     }
     return pd.DataFrame(columns).rename_axis("cell")
-
-
-def composed(name: str, flight: Flight) -> Figure:
-    """A figure of a flight by its name."""
-    from swarm_mj.figures.run_figures import COMPOSERS
-
-    return COMPOSERS[name](flight.plan, flight.telemetry, flight.result)
 
 
 def fly(

@@ -57,7 +57,7 @@ def write_aem(states: FlightStates, j: int, generation: Generation = 2) -> str:
 
 
 def _object(states: FlightStates, j: int) -> dict[str, object]:
-    return {"OBJECT_NAME": states.names[j].upper(), "OBJECT_ID": FIRST_SPACECRAFT - j}
+    return {"OBJECT_NAME": states.plan.names[j].upper(), "OBJECT_ID": FIRST_SPACECRAFT - j}
 
 
 def _span(states: FlightStates, j: int) -> dict[str, object]:

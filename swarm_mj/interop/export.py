@@ -12,7 +12,7 @@ from typing import Final, get_args
 
 from swarm_mj import __version__
 from swarm_mj.errors import InteropError, OutputError
-from swarm_mj.interop import ccsds_out, gltf, kernels_binary, kernels_text, tables
+from swarm_mj.interop import ccsds_out, gltf, kernels, tables
 from swarm_mj.interop.ccsds_out import Generation
 from swarm_mj.interop.states import FlightStates
 from swarm_mj.io.atomic import write_text
@@ -27,16 +27,9 @@ KERNELS: Final = ("spk", "ck", "dsk")
 
 
 def export_flight(states: FlightStates, folder: Path, formats: Iterable[str], generation: Generation = 2) -> list[Path]:
-    """Write a flight for other programs.
+    """Write a flight in formats of `FORMATS`, or `all`, into a folder that is made if need be; gives the files, in order.
 
-    Args:
-        states: The flight.
-        folder: Where; made if need be. An earlier export is replaced, other files in it are kept.
-        formats: Of `FORMATS`, or `all`.
-        generation: Of the CCSDS messages, see `ccsds_out.VERSIONS`.
-
-    Returns:
-        The files, in order.
+    An earlier export is replaced, other files in the folder are kept.
 
     Raises:
         InteropError: A format is unknown, or needs a package that is not installed.
@@ -62,11 +55,7 @@ def export_flight(states: FlightStates, folder: Path, formats: Iterable[str], ge
 
 
 def chosen_formats(formats: Iterable[str]) -> list[str]:
-    """Formats in the order in which they are written, each once.
-
-    Raises:
-        InteropError: One is unknown, or there is none.
-    """
+    """Formats in the order in which they are written, each once; refused are unknown ones and none."""
     asked = [formats] if isinstance(formats, str) else list(formats)
     for name in asked:
         if name not in (*FORMATS, "all"):
@@ -78,51 +67,35 @@ def chosen_formats(formats: Iterable[str]) -> list[str]:
 
 def _messages(write: Callable[[FlightStates, int, Generation], str], kind: str) -> Callable[..., None]:
     def write_all(states: FlightStates, folder: Path, generation: Generation) -> None:
-        for j, name in enumerate(states.names):
+        for j, name in enumerate(states.plan.names):
             _put(folder / kind / f"{name}.{kind}", write(states, j, generation))
 
     return write_all
 
 
-def _spk(states: FlightStates, folder: Path, generation: Generation) -> None:
-    place = _kernels(states, folder)
-    kernels_binary.write_spk(place / "swarm.bsp", states)
-    kernels_binary.write_sun_and_earth(place / "sun_earth.bsp", states)
-    _meta_kernel(states, place)
-
-
-def _ck(states: FlightStates, folder: Path, generation: Generation) -> None:
-    place = _kernels(states, folder)
-    kernels_binary.write_ck(place / "swarm.bc", states)
-    _meta_kernel(states, place)
-
-
-def _dsk(states: FlightStates, folder: Path, generation: Generation) -> None:
-    place = _kernels(states, folder)
-    kernels_binary.write_dsk(place / "body.bds", states, place / "swarm.tf")
-    _meta_kernel(states, place)
-
-
 #: Text kernels that belong to every binary one.
 TEXT_KERNELS: Final = {
-    "leapseconds.tls": kernels_text.leapseconds,
-    "swarm.tsc": kernels_text.clock,
-    "body.tpc": kernels_text.body_constants,
-    "swarm.tf": kernels_text.frames,
-    "cameras.ti": kernels_text.cameras,
+    "leapseconds.tls": kernels.leapseconds,
+    "swarm.tsc": kernels.clock,
+    "body.tpc": kernels.body_constants,
+    "swarm.tf": kernels.frames,
+    "cameras.ti": kernels.cameras,
 }
 
 
-def _kernels(states: FlightStates, folder: Path) -> Path:
-    """The folder of the kernels, with the text kernels in it."""
-    for name, write in TEXT_KERNELS.items():
-        _put(folder / "spice" / name, write(states))
-    return folder / "spice"
+def _kernels(binary: dict[str, Callable[[Path, FlightStates], None]]) -> Callable[..., None]:
+    """Writer of binary kernels, by the names of their files, with the text kernels that belong to them."""
 
+    def write_all(states: FlightStates, folder: Path, generation: Generation) -> None:
+        place = folder / "spice"
+        for name, write in TEXT_KERNELS.items():
+            _put(place / name, write(states))
+        for name, write_binary in binary.items():
+            write_binary(place / name, states)
+        written = sorted(p.name for p in place.iterdir() if p.suffix in (".bsp", ".bc", ".bds"))
+        _put(place / "swarm.tm", kernels.meta_kernel(states, [*TEXT_KERNELS, *written]))
 
-def _meta_kernel(states: FlightStates, place: Path) -> None:
-    binary = sorted(p.name for p in place.iterdir() if p.suffix in (".bsp", ".bc", ".bds"))
-    _put(place / "swarm.tm", kernels_text.meta_kernel(states, [*TEXT_KERNELS, *binary]))
+    return write_all
 
 
 def _gltf(states: FlightStates, folder: Path, generation: Generation) -> None:
@@ -131,7 +104,7 @@ def _gltf(states: FlightStates, folder: Path, generation: Generation) -> None:
 
 def _csv(states: FlightStates, folder: Path, generation: Generation) -> None:
     described = {}
-    for j, name in enumerate(states.names):
+    for j, name in enumerate(states.plan.names):
         table, described[f"{name}.csv"] = tables.spacecraft_table(states, j)
         _put(folder / "csv" / f"{name}.csv", table.to_csv(index=False, float_format="%.17g"))
     _put(folder / "csv" / "datapackage.json", tables.data_package(states, described))
@@ -141,9 +114,9 @@ def _csv(states: FlightStates, folder: Path, generation: Generation) -> None:
 FORMATS: Final[dict[str, Callable[[FlightStates, Path, Generation], None]]] = {
     "oem": _messages(ccsds_out.write_oem, "oem"),
     "aem": _messages(ccsds_out.write_aem, "aem"),
-    "spk": _spk,
-    "ck": _ck,
-    "dsk": _dsk,
+    "spk": _kernels({"swarm.bsp": kernels.write_spk, "sun_earth.bsp": kernels.write_sun_and_earth}),
+    "ck": _kernels({"swarm.bc": kernels.write_ck}),
+    "dsk": _kernels({"body.bds": kernels.write_dsk}),
     "gltf": _gltf,
     "csv": _csv,
 }
@@ -159,35 +132,26 @@ def _files(folder: Path) -> list[str]:
 
 
 def _manifest(states: FlightStates, folder: Path, chosen: list[str]) -> str:
-    return (
-        json.dumps(
-            {
-                "program": f"swarm_mj {__version__}",
-                "scenario": states.plan.scenario.name,
-                "formats": chosen,
-                "centre": f"{states.body.name}, NAIF {states.body.code}",
-                "frames": {
-                    "oem, aem": "EME2000",
-                    "spk, ck, csv": "ECLIPJ2000, which is N",
-                    "dsk, csv (A)": f"{states.body.frame}, which is A",
-                    "gltf": "N, its z axis up (y of glTF)",
-                },
-                "time": "TDB",
-                "comments": states.comments,
-                "files": _files(folder),
-            },
-            indent=2,
-        )
-        + "\n"
-    )
+    contents = {
+        "program": f"swarm_mj {__version__}",
+        "scenario": states.plan.scenario.name,
+        "formats": chosen,
+        "centre": f"{states.body.name}, NAIF {states.body.code}",
+        "frames": {
+            "oem, aem": "EME2000",
+            "spk, ck, csv": "ECLIPJ2000, which is N",
+            "dsk, csv (A)": f"{states.body.frame}, which is A",
+            "gltf": "N, its z axis up (y of glTF)",
+        },
+        "time": "TDB",
+        "comments": states.comments,
+        "files": _files(folder),
+    }
+    return json.dumps(contents, indent=2) + "\n"
 
 
 def _earlier(folder: Path) -> list[str]:
-    """Files of the export that stands in a folder; none where there is no folder.
-
-    Raises:
-        OutputError: The folder holds something else.
-    """
+    """Files of the export that stands in a folder, which may hold nothing else; none where there is no folder."""
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return []
     remedy = "choose another folder with --out"

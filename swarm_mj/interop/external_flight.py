@@ -8,9 +8,7 @@ where it is and how it is turned. Without attitudes the camera points at the bod
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import timedelta
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
@@ -22,14 +20,11 @@ from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.flight.observe import arrival_sample
 from swarm_mj.flight.targets import target_from, true_target
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import look_at
 from swarm_mj.scenarios.bodies import packaged_body
 from swarm_mj.scenarios.loading import body_of_file
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.naif import BodyName
-from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_io import READERS
 from swarm_mj.smallbody.solid_angle import points_inside
 from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion, quaternions
@@ -46,46 +41,8 @@ INTERVAL_S, ANYWHERE_M = 10.0, 1e15
 LONGEST_S = 30 * 86_400.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class ForeignFlight:
-    """What is judged.
-
-    Attributes:
-        scenario: Body, target, camera and criterion, and the epoch and length of what is judged.
-        shape: The body's mesh in A [m].
-        environment: Rotation and Sun.
-        region: The target.
-        names: Of the spacecraft, as their files have them.
-        telemetry: `time`, `r_BN_N`, `sigma_BN`, and in `mode` and `camera_on` who may take a picture.
-        notes: What was assumed, one sentence each.
-    """
-
-    scenario: Scenario
-    shape: ShapeModel
-    environment: Environment
-    region: TargetRegion
-    names: tuple[str, ...]
-    telemetry: xr.Dataset
-    notes: tuple[str, ...]
-
-    @property
-    def n(self) -> int:
-        """Number of spacecraft."""
-        return len(self.names)
-
-    @property
-    def n_observers(self) -> int:
-        """All of them observe."""
-        return self.n
-
-
 def read_tracks(oem: Sequence[Path], aem: Sequence[Path], body: str) -> tuple[list[Track], list[Track]]:
-    """Paths and attitudes from files.
-
-    Args:
-        oem: One a spacecraft.
-        aem: As many, in the same order, or none.
-        body: Name of the scenario's body.
+    """Paths and attitudes from files, one OEM a spacecraft and as many AEM in the same order or none, about a body by name.
 
     Raises:
         InteropError: A file is refused, or the files do not belong together.
@@ -165,10 +122,8 @@ def _closest(path: Track, begin: int, duration: float, interval: float) -> float
     return float(times[np.argmin(np.where(known, np.linalg.norm(r, axis=1), np.inf))])
 
 
-def foreign_flight(
-    scenario: Scenario, paths: Sequence[Track], attitudes: Sequence[Track], pointing: Pointing = "nadir"
-) -> ForeignFlight:
-    """Bring files to the instants of a scenario's telemetry.
+class ForeignFlight:
+    """What is judged: files of paths and attitudes at the instants of a scenario's telemetry.
 
     Args:
         scenario: Body, target, camera, criterion, epoch and duration.
@@ -176,74 +131,50 @@ def foreign_flight(
         attitudes: As many, or none: then `pointing`.
         pointing: Where the cameras look without attitudes.
 
-    Raises:
-        InteropError: The files do not cover the time of the scenario, or fly through its body.
-    """
-    if pointing not in POINTINGS:
-        raise InteropError(f"pointing = {pointing!r}: must be {' or '.join(POINTINGS)}")
-    if scenario.observation.max_motion_blur_px is not None:
-        raise InteropError(
-            f"observation.max_motion_blur_px = {scenario.observation.max_motion_blur_px:g}: motion blur needs "
-            "velocities and body rates, and of a flight from files only places and attitudes are read; set "
-            "observation.max_motion_blur_px=null"
-        )
-    scene = Scene(scenario)
-    poses = [_poses(scene, path, pointing, *attitudes[j : j + 1]) for j, path in enumerate(paths)]
-    telemetry = scene.telemetry(poses)
-    if scenario.observation.criterion == "arrival":
-        _check_arrival(scene, paths, telemetry)
-    assumed = [note for track in (*paths, *attitudes) for note in track.notes]
-    if not attitudes:
-        words = "the body's centre (nadir)" if pointing == "nadir" else "the target's centre"
-        assumed.append(
-            f"no attitudes were given: the cameras point at {words}, the picture's right across the body's spin axis"
-        )
-    return ForeignFlight(
-        scenario=scenario,
-        shape=scene.shape,
-        environment=scene.environment,
-        region=scene.region,
-        names=_different([path.name for path in paths]),
-        telemetry=telemetry,
-        notes=(
-            *assumed,
-            *(note for path, one in zip(paths, poses, strict=True) for note in _notes(scene, path, one)),
-        ),
-    )
-
-
-class Scene:
-    """A scenario's body, target and instants.
-
     Attributes:
-        scenario: The scenario.
+        scenario: As given.
         shape: The body's mesh in A [m].
         environment: Rotation and Sun.
         region: The target.
+        names: Of the spacecraft, as their files have them.
+        n: Number of spacecraft, all of which are observers.
         times: Of the samples past the epoch [s], shape (t,).
         ns: The same in nanoseconds of TDB past J2000.
+        C_AN: Rotations from N to A then, shape (t, 3, 3).
+        telemetry: `time`, `r_BN_N`, `sigma_BN`, and in `mode` and `camera_on` who may take a picture.
+        notes: What was assumed, one sentence each.
+
+    Raises:
+        InteropError: The files do not cover the time of the scenario, or fly through its body.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(
+        self, scenario: Scenario, paths: Sequence[Track], attitudes: Sequence[Track], pointing: Pointing = "nadir"
+    ) -> None:
+        _check_asked(scenario, pointing)
         self.scenario, self.shape = scenario, load_body_shape(scenario.body)
         self.environment = environment_from(scenario, self.shape)
         self.region = true_target(scenario, self.shape, target_from(scenario, self.shape))
+        self.names = _different([path.name for path in paths])
+        self.n = self.n_observers = len(self.names)
         interval = scenario.telemetry.interval_s
         self.times: Array = interval * np.arange(round(scenario.duration_s / interval) + 1, dtype=np.float64)
         self.ns: Ints = epoch_of(scenario.epoch) + np.round(self.times * SECOND).astype(np.int64)
+        self.C_AN = np.array([self.environment.C_AN(t) for t in self.times.tolist()])
+        poses = [_poses(self, path, pointing, *attitudes[j : j + 1]) for j, path in enumerate(paths)]
+        self.telemetry = self._telemetry(poses)
+        if scenario.observation.criterion == "arrival":
+            _check_arrival(self, paths)
+        assumed = [note for track in (*paths, *attitudes) for note in track.notes]
+        if not attitudes:
+            words = "the body's centre (nadir)" if pointing == "nadir" else "the target's centre"
+            assumed.append(
+                f"no attitudes were given: the cameras point at {words}, the picture's right across the body's spin axis"
+            )
+        unknown = (note for path, one in zip(paths, poses, strict=True) for note in _notes(self, path, one))
+        self.notes = (*assumed, *unknown)
 
-    @cached_property
-    def C_AN(self) -> Array:
-        """Rotations from N to A, shape (t, 3, 3)."""
-        return np.array([self.environment.C_AN(t) for t in self.times.tolist()])
-
-    @property
-    def span(self) -> str:
-        """From when to when, in words."""
-        return f"{text_of(int(self.ns[0]))} to {text_of(int(self.ns[-1]))}"
-
-    def telemetry(self, poses: Sequence[Poses]) -> xr.Dataset:
-        """What the picture loop reads of telemetry."""
+    def _telemetry(self, poses: Sequence[Poses]) -> xr.Dataset:
         place = ("time", "spacecraft")
         known = np.stack([one.known for one in poses], axis=1)
         r_BN_N, q_BN = (np.stack([getattr(one, name) for one in poses], axis=1) for name in ("r_BN_N", "q_BN"))
@@ -261,7 +192,7 @@ class Scene:
 
 
 class Poses(NamedTuple):
-    """Where a spacecraft is and how it is turned at the instants of a scene; rest and no turn where that is not known.
+    """Where a spacecraft is and how it is turned at the instants of a flight; rest and no turn where that is not known.
 
     Attributes:
         r_BN_N: Positions [m], shape (t, 3).
@@ -274,54 +205,65 @@ class Poses(NamedTuple):
     known: Mask
 
 
-def _poses(scene: Scene, path: Track, pointing: Pointing, attitude: Track | None = None) -> Poses:
-    r, known = path.at(scene.ns)
-    _check_window(scene, path, known)
-    r = np.where(known[:, None], r, 0.0)
-    r_A = np.einsum("tij,tj->ti", scene.C_AN, r)
-    _check_outside(scene, path, r_A, known)
-    if attitude is None:
-        aim_A = scene.region.centroid_A.mean(axis=0) if pointing == "target" else np.zeros(3)
-        return Poses(r, _pointed(r_A, scene.C_AN, aim_A, known), known)
-    q, turned = attitude.at(scene.ns)
-    _check_window(scene, attitude, turned)
-    return Poses(r, np.where(turned[:, None], q, [1.0, 0.0, 0.0, 0.0]), known & turned)
-
-
-def _check_window(scene: Scene, track: Track, known: Mask) -> None:
-    if not known.any():
+def _check_asked(scenario: Scenario, pointing: Pointing) -> None:
+    if pointing not in POINTINGS:
+        raise InteropError(f"pointing = {pointing!r}: must be {' or '.join(POINTINGS)}")
+    if (limit := scenario.observation.max_motion_blur_px) is not None:
         raise InteropError(
-            f"{track.source}: covers {text_of(track.first)} to {text_of(track.last)} TDB and nothing of the flight, "
-            f"{scene.span}; set epoch and duration_s of the scenario, or leave the scenario out"
+            f"observation.max_motion_blur_px = {limit:g}: motion blur needs velocities and body rates, and of a flight from "
+            "files only places and attitudes are read; set observation.max_motion_blur_px=null"
         )
 
 
-def _check_outside(scene: Scene, path: Track, r_A: Array, known: Mask) -> None:
+def _poses(flight: ForeignFlight, path: Track, pointing: Pointing, attitude: Track | None = None) -> Poses:
+    r, known = path.at(flight.ns)
+    _check_window(flight, path, known)
+    r = np.where(known[:, None], r, 0.0)
+    r_A = np.einsum("tij,tj->ti", flight.C_AN, r)
+    _check_outside(flight, path, r_A, known)
+    if attitude is None:
+        aim_A = flight.region.centroid_A.mean(axis=0) if pointing == "target" else np.zeros(3)
+        return Poses(r, _pointed(r_A, flight.C_AN, aim_A, known), known)
+    q, turned = attitude.at(flight.ns)
+    _check_window(flight, attitude, turned)
+    return Poses(r, np.where(turned[:, None], q, [1.0, 0.0, 0.0, 0.0]), known & turned)
+
+
+def _check_window(flight: ForeignFlight, track: Track, known: Mask) -> None:
+    if not known.any():
+        first, last = (text_of(int(flight.ns[k])) for k in (0, -1))
+        raise InteropError(
+            f"{track.source}: covers {text_of(track.first)} to {text_of(track.last)} TDB and nothing of the flight, "
+            f"{first} to {last}; set epoch and duration_s of the scenario, or leave the scenario out"
+        )
+
+
+def _check_outside(flight: ForeignFlight, path: Track, r_A: Array, known: Mask) -> None:
     """Nobody takes pictures from inside the body: then the file means another centre, frame, unit or time."""
-    shape = scene.shape
+    shape = flight.shape
     near = np.flatnonzero(known & (np.linalg.norm(r_A, axis=1) <= shape.max_radius))
     if near.size and (inside := points_inside(r_A[near], shape.vertices, shape.faces)).any():
-        instant = text_of(int(scene.ns[near[np.argmax(inside)]]))
+        instant = text_of(int(flight.ns[near[np.argmax(inside)]]))
         raise InteropError(
             f"{path.source}: lies inside {shape.name} at {instant} TDB; check CENTER_NAME, REF_FRAME, TIME_SYSTEM and that "
             "lengths are km"
         )
 
 
-def _check_arrival(scene: Scene, paths: Sequence[Track], telemetry: xr.Dataset) -> None:
-    k = arrival_sample(scene.scenario)
-    if not telemetry["camera_on"].values[k].any():
+def _check_arrival(flight: ForeignFlight, paths: Sequence[Track]) -> None:
+    k = arrival_sample(flight.scenario)
+    if not flight.telemetry["camera_on"].values[k].any():
         raise InteropError(
-            f"observation.criterion = arrival: at the arrival, {text_of(int(scene.ns[k]))} TDB, none of "
+            f"observation.criterion = arrival: at the arrival, {text_of(int(flight.ns[k]))} TDB, none of "
             f"{', '.join(path.source for path in paths)} is known or in the imaging region; set design.time_of_flight_s, or "
             "observation.criterion=passage"
         )
 
 
-def _notes(scene: Scene, path: Track, poses: Poses) -> list[str]:
+def _notes(flight: ForeignFlight, path: Track, poses: Poses) -> list[str]:
     if poses.known.all():
         return []
-    missing = timedelta(seconds=float((~poses.known).sum() * scene.scenario.telemetry.interval_s))
+    missing = timedelta(seconds=float((~poses.known).sum() * flight.scenario.telemetry.interval_s))
     return [f"{path.name}: nothing is known of {missing} of the flight, in which it takes no pictures"]
 
 

@@ -38,7 +38,7 @@ def write_scene(states: FlightStates) -> bytes:
     size = np.array(states.plan.scenario.spacecraft.size_m)
     scale = SPACECRAFT_SIZE * shape.max_radius / size.max()
     C_BN = dcm(states.telemetry["sigma_BN"].values[k])
-    for j, name in enumerate(states.names):
+    for j, name in enumerate(states.plan.names):
         color = np.array([*(round(255 * x) for x in COLORS[j % len(COLORS)]), 255], np.uint8)
         pose = _pose(C_BN[j], states.states_N[k, j, :3])
         box = trimesh.creation.box(extents=size * scale)

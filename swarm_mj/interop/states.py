@@ -21,34 +21,34 @@ from swarm_mj.typing import Array
 FIRST_SPACECRAFT, CLOCK = -900_001, -900_000
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class FlightStates:
     """What is written.
 
     Attributes:
         plan: What was flown; body, rotation, Sun and Earth stand there.
         telemetry: All that was recorded.
-        comments: Where it comes from, one line each.
     """
 
     plan: Plan
     telemetry: xr.Dataset
-    comments: tuple[str, ...]
+
+    @cached_property
+    def comments(self) -> tuple[str, ...]:
+        """Where it comes from, one line each."""
+        scenario, version = self.plan.scenario, self.telemetry.attrs.get("swarm_mj_version", "of an unknown version")
+        return (
+            f"swarm_mj {version}, scenario {scenario.name}, seed {scenario.seed}",
+            f"body {_ascii(scenario.body.name)}, gravity by {_ascii(scenario.body.gravity.model)}, "
+            f"epoch {scenario.epoch} TDB",
+            "frame N of swarm_mj has the axes of SPICE's ECLIPJ2000 and its origin in the body's centre of mass",
+            "B: spacecraft, camera along +z; positions are geometric, without light time or aberration",
+        )
 
     @cached_property
     def body(self) -> BodyName:
         """What others call the body."""
         return BodyName.of(self.plan.scenario.body.name)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the spacecraft in their files, in gene order: sc1, sc2, ..."""
-        return self.plan.names
-
-    @property
-    def n(self) -> int:
-        """Number of spacecraft."""
-        return self.plan.n
 
     @cached_property
     def camera(self) -> CameraModel:
@@ -109,24 +109,6 @@ class FlightStates:
     def arrival(self) -> int:
         """Number of the sample at the instant of the arrival."""
         return arrival_sample(self.plan.scenario)
-
-
-def states_of(plan: Plan, telemetry: xr.Dataset) -> FlightStates:
-    """A flight, ready to be written."""
-    attributes = telemetry.attrs
-    scenario = plan.scenario
-    return FlightStates(
-        plan=plan,
-        telemetry=telemetry,
-        comments=(
-            f"swarm_mj {attributes.get('swarm_mj_version', 'of an unknown version')}, scenario {scenario.name}, "
-            f"seed {scenario.seed}",
-            f"body {_ascii(scenario.body.name)}, gravity by {_ascii(scenario.body.gravity.model)}, "
-            f"epoch {scenario.epoch} TDB",
-            "frame N of swarm_mj has the axes of SPICE's ECLIPJ2000 and its origin in the body's centre of mass",
-            "B: spacecraft, camera along +z; positions are geometric, without light time or aberration",
-        ),
-    )
 
 
 def _ascii(text: str) -> str:

@@ -3,7 +3,7 @@
 import pytest
 
 import swarm_mj as sm
-from swarm_mj.interop.states import states_of
+from swarm_mj.interop.states import FlightStates
 from swarm_mj.scenarios.loading import parse_overrides
 
 #: Coarse, so that a flight takes a second.
@@ -17,7 +17,7 @@ def flown():
 
 @pytest.fixture(scope="session")
 def states(flown):
-    return states_of(flown.plan, flown.telemetry)
+    return FlightStates(flown.plan, flown.telemetry)
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ def test_the_scene_shows_body_and_spacecraft_as_at_the_arrival(exported, states)
     k = states.arrival
     up, _ = scene.graph["N"]
     assert np.abs(up[:3, :3] @ [0, 0, 1] - [0, 1, 0]).max() == 0  # z of N is up, which is y in glTF
-    for j, name in enumerate(states.names):
+    for j, name in enumerate(states.plan.names):
         pose = np.linalg.inv(up) @ scene.graph[name][0]
         assert np.abs(pose[:3, 3] - states.states_N[k, j, :3]).max() < 1e-2
         assert np.abs(pose[:3, :3] - dcm(states.telemetry["sigma_BN"].values[k, j]).T).max() < 1e-6

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import InteropError
-from swarm_mj.interop.kernels_text import rotation_constants
+from swarm_mj.interop.kernels import rotation_constants
 from swarm_mj.io.spice import furnished
 from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.smallbody.rotation import sub_point
@@ -24,7 +24,7 @@ def angle(C):
 
 
 def test_positions_come_back_to_a_millimetre_and_velocities_with_them(spice, states):
-    for j in range(states.n):
+    for j in range(states.plan.n):
         got = [spice.spkezr(f"SWARM_SC{j + 1}", et, "ECLIPJ2000", "NONE", "EROS")[0] for et in states.et]
         assert np.abs(1e3 * np.array(got) - states.states_N[:, j]).max() < 1e-3
 
@@ -40,7 +40,7 @@ def test_between_samples_the_path_keeps_the_law_of_gravity(spice, states):
 
 def test_attitudes_come_back_to_a_microradian_with_their_rates(spice, states):
     C_BN, omega_B = dcm(states.telemetry["sigma_BN"].values), states.telemetry["omega_BN_B"].values
-    for j in range(states.n):
+    for j in range(states.plan.n):
         name = f"SWARM_SC{j + 1}_BODY"
         got = np.array([spice.pxform("ECLIPJ2000", name, et) for et in states.et])
         assert angle(got @ np.swapaxes(C_BN[:, j], 1, 2)).max() < MICRORADIAN
@@ -75,7 +75,7 @@ def test_the_body_turns_as_in_the_flight(spice, states):
 def test_constants_of_rotation_hold_for_any_pole_and_sense(states, tmp_path, pole):
     from dataclasses import replace
 
-    from swarm_mj.interop.kernels_text import body_constants, frames
+    from swarm_mj.interop.kernels import body_constants, frames
     from swarm_mj.smallbody.rotation import Rotation
 
     rotation = Rotation(pole_ra_deg=pole[0], pole_dec_deg=pole[1], w0_deg=33.0, w_rate_deg_per_day=-700.0)
