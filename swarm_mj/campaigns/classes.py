@@ -21,7 +21,7 @@ from swarm_mj.campaigns.statistics import Estimate, mean, probability
 from swarm_mj.errors import ScenarioError
 from swarm_mj.figures.style import TICK_PT, label, new_figure, save, tidy
 from swarm_mj.io.atomic import write_text
-from swarm_mj.scenarios.itinerary import arrival_times, itinerary
+from swarm_mj.scenarios.itinerary import itinerary, last_arrival_s
 from swarm_mj.scenarios.loading import NO_OVERRIDES
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array
@@ -74,19 +74,12 @@ def classes_campaign(
     base: Scenario,
     *,
     runs: int = 200,
-    seed: int = 0,
     places: Sequence[int] = (),
     overrides: Mapping[str, Any] = NO_OVERRIDES,
 ) -> Resolved:
-    """The campaign that flies all classes.
+    """The campaign that flies all classes of a scenario through `runs` encounters each.
 
-    Args:
-        base: The scenario whose classes are compared.
-        runs: Encounters.
-        seed: Of all draws.
-        places: Visiting points planned together with the pictures, see `robust_points`; none: all are flown as designed
-            alone.
-        overrides: Values by dotted key for all classes.
+    Those with roles fly once more with `places`, visiting points planned together with the pictures, see `robust_points`.
 
     Raises:
         ScenarioError: The scenario cannot be read, or not be flown so.
@@ -95,7 +88,6 @@ def classes_campaign(
     data = {
         "name": f"{base.name}-classes",
         "description": f"Swarm classes on {base.name}: the same encounters, the same losses",
-        "seed": seed,
         "runs": runs,
         "method": "latin_hypercube",
         "paired": True,
@@ -138,19 +130,14 @@ def _formed_s(base: Scenario) -> float:
     return max(min(FORMED_S, FORMED_SHARE * base.design.time_of_flight_s), *releases)
 
 
-def _arrival_s(base: Scenario) -> float:
-    """The last arrival."""
-    return float(arrival_times(base).max())
-
-
 def _duration_s(base: Scenario) -> float:
     """Until pictures are over; the way of the data goes on after the flight."""
     step = base.observation.interval_s
-    return min(base.duration_s, float(np.ceil(OVER * _arrival_s(base) / step)) * step)
+    return min(base.duration_s, float(np.ceil(OVER * last_arrival_s(base) / step)) * step)
 
 
 def _losses(base: Scenario) -> dict[str, Any]:
-    between = [0.0, _arrival_s(base)]
+    between = [0.0, last_arrival_s(base)]
     return {"kind": "spacecraft_lost", "spacecraft": "all", "probability": 0.0, "between_s": between}
 
 
@@ -242,14 +229,7 @@ class Recovery(NamedTuple):
 
 
 def recovery(results: pa.Table, planned: str, replanned: str, key: str = "delivered_percent") -> Recovery:
-    """How much of what the planned class loses with one loss the other one still brings home.
-
-    Args:
-        results: Of the campaign.
-        planned: Scenario of the class whose plan is not repaired.
-        replanned: Scenario of the other one.
-        key: What is compared.
-    """
+    """How much of `key` that the class whose plan is not repaired loses with one loss the other one still brings home."""
     rows = [row for row in results.to_pylist() if row["status"] == "ok"]
     one, other = ({row["run"]: row for row in rows if row["scenario"] == name} for name in (planned, replanned))
     whole, others_whole = ([row[key] for row in rows_of.values() if row["lost"] == 0] for rows_of in (one, other))
@@ -349,11 +329,7 @@ def _add_legend(figure: Figure, ax: Axes, title: str | None = None) -> None:
 
 
 def write_report(folder: Path, found: Sequence[ClassResult], results: pa.Table, *, figures: bool = True) -> None:
-    """Write the tables, and the figures if wanted, into a folder.
-
-    Raises:
-        OutputError: A file cannot be written.
-    """
+    """Write the tables, and the figures if wanted, into a folder."""
     write_text(folder / TABLE, f"{table_of_classes(found)}\n{table_by_lost(found)}")
     if figures:
         save(compose_chance(results), folder / FIGURE)

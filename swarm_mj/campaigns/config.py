@@ -10,7 +10,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from swarm_mj.campaigns.distributions import Distribution
 from swarm_mj.scenarios.schema import Section
 
-#: What is recorded of every run unless the file says otherwise; see `swarm_mj.campaigns.outcome`.
+#: What is recorded of every run unless the file says otherwise; see `swarm_mj.campaigns.flying`.
 RECORD = (
     "coverage_percent",
     "coverage_percent_passage",
@@ -37,7 +37,7 @@ FIXED_COLUMNS = ("row", "run", "scenario", "seed", "status", "error", "covered",
 class Base(Section):
     """A scenario that the campaign flies."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
+    model_config = ConfigDict(populate_by_name=True)
 
     name: str = Field(
         "", pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]*$|^$", description="in results; default: the scenario's"
@@ -62,7 +62,7 @@ class Base(Section):
 class Campaign(Section):
     """A whole campaign."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
+    model_config = ConfigDict(populate_by_name=True)
 
     name: str = Field(
         min_length=1, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", description="what results and their folder are called"

@@ -5,7 +5,7 @@ Every distribution has `draw`, the quantile function, and `levels`, the values o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
@@ -28,7 +28,7 @@ class Continuous(Section):
     @cached_property
     def _law(self) -> Any:
         """The distribution of scipy.stats."""
-        raise NotImplementedError
+        return _LAWS[type(self)](self)
 
     def draw(self, u: float) -> Any:
         """Value at a point of the unit interval."""
@@ -65,10 +65,6 @@ class Uniform(Bounded):
 
     distribution: Literal["uniform"]
 
-    @cached_property
-    def _law(self) -> Any:
-        return stats.uniform(self.low, self.high - self.low)
-
     def levels(self) -> list[Any]:
         """Equidistant values, both ends included."""
         return [float(v) for v in np.linspace(self.low, self.high, self.steps)]
@@ -80,10 +76,6 @@ class LogUniform(Bounded):
     distribution: Literal["log_uniform"]
     low: float = Field(gt=0)
     high: float = Field(gt=0)
-
-    @cached_property
-    def _law(self) -> Any:
-        return stats.loguniform(self.low, self.high)
 
     def levels(self) -> list[Any]:
         """Values at equal ratios, both ends included."""
@@ -97,10 +89,6 @@ class Normal(Continuous):
     mean: float
     std: float = Field(gt=0)
 
-    @cached_property
-    def _law(self) -> Any:
-        return stats.norm(self.mean, self.std)
-
 
 class TruncatedNormal(Bounded):
     """Gaussian cut off at two ends; `mean` and `std` are those before the cut."""
@@ -109,11 +97,6 @@ class TruncatedNormal(Bounded):
     mean: float
     std: float = Field(gt=0)
 
-    @cached_property
-    def _law(self) -> Any:
-        low, high = (self.low - self.mean) / self.std, (self.high - self.mean) / self.std
-        return stats.truncnorm(low, high, loc=self.mean, scale=self.std)
-
 
 class LogNormal(Continuous):
     """The logarithm is Gaussian, with mean ln(median) and standard deviation sigma."""
@@ -121,10 +104,6 @@ class LogNormal(Continuous):
     distribution: Literal["lognormal"]
     median: float = Field(gt=0)
     sigma: float = Field(gt=0)
-
-    @cached_property
-    def _law(self) -> Any:
-        return stats.lognorm(self.sigma, scale=self.median)
 
 
 class Triangular(Bounded):
@@ -138,11 +117,6 @@ class Triangular(Bounded):
         between = self.low <= self.mode <= self.high
         _require(between, f"mode = {self.mode:g}", f"must lie between low = {self.low:g} and high = {self.high:g}")
         return self
-
-    @cached_property
-    def _law(self) -> Any:
-        width = self.high - self.low
-        return stats.triang((self.mode - self.low) / width, loc=self.low, scale=width)
 
 
 class OfScipy(Continuous):
@@ -164,9 +138,21 @@ class OfScipy(Continuous):
         _require(np.isfinite(middle), f"parameters = {self.parameters}", f"are outside the domain of {self.name}")
         return self
 
-    @cached_property
-    def _law(self) -> Any:
-        return getattr(stats, self.name)(**self.parameters)
+
+#: What each is in scipy.stats.
+_LAWS: dict[type[Continuous], Callable[[Any], Any]] = {
+    Uniform: lambda own: stats.uniform(own.low, own.high - own.low),
+    LogUniform: lambda own: stats.loguniform(own.low, own.high),
+    Normal: lambda own: stats.norm(own.mean, own.std),
+    TruncatedNormal: lambda own: stats.truncnorm(
+        (own.low - own.mean) / own.std, (own.high - own.mean) / own.std, loc=own.mean, scale=own.std
+    ),
+    LogNormal: lambda own: stats.lognorm(own.sigma, scale=own.median),
+    Triangular: lambda own: stats.triang(
+        (own.mode - own.low) / (own.high - own.low), loc=own.low, scale=own.high - own.low
+    ),
+    OfScipy: lambda own: getattr(stats, own.name)(**own.parameters),
+}
 
 
 class Integer(Section):

@@ -154,11 +154,7 @@ COMPOSERS: dict[str, Compose] = {
 
 
 def draw_all(folder: Path, resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> None:
-    """Write every figure that there are numbers for.
-
-    Raises:
-        OutputError: The folder cannot be written.
-    """
+    """Write every figure that there are numbers for."""
     for name, compose in COMPOSERS.items():
         figure = compose(resolved, results, summary)
         if figure is None:
@@ -239,7 +235,8 @@ def _bars(ax: Axes, covered: dict[str, dict[str, Any]]) -> None:
     if len(covered) > 3 and max(map(len, covered)) > LONG_NAME:
         ax.set_xticks(range(len(covered)), [plain(name) for name in covered], rotation=30, ha="right")
     else:
-        ax.set_xticks(range(len(covered)), [_wrapped(name) for name in covered])
+        lines = ["\n".join(wrap(name, 11, break_on_hyphens=False)) for name in covered]
+        ax.set_xticks(range(len(covered)), list(map(plain, lines)))
     ax.set_xlim(-0.7, max(len(covered), 3) - 0.3)
     ax.set_ylim(0.0, 112.0)
     ax.set_yticks(range(0, 101, 20))
@@ -287,10 +284,6 @@ def _tornado(
     label(ax, f"{x_label}, bars: 95 % interval")
     figure.legend(loc="outside lower center", ncols=min(len(shown), 3), fontsize=TICK_PT, frameon=False)
     return figure
-
-
-def _wrapped(name: str) -> str:
-    return plain("\n".join(wrap(name, 11, break_on_hyphens=False)))
 
 
 def _told(group: dict[str, Any]) -> bool:

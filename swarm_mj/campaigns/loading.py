@@ -6,7 +6,6 @@ import difflib
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
@@ -24,7 +23,7 @@ from swarm_mj.io.records import bytes_of, reading
 from swarm_mj.io.values import check_data, shortened, shown
 from swarm_mj.plugins import file_of
 from swarm_mj.scenarios import loading
-from swarm_mj.scenarios.bodies import PACKAGED_SHAPES
+from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, packaged_files
 from swarm_mj.scenarios.loading import ScenarioSource
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.shape import ShapeModel
@@ -41,7 +40,6 @@ CELL_KEYS = (
     "camera.half_angle_deg",
     "dispersions.target_m",
 )
-_PACKAGED = resources.files("swarm_mj.scenarios") / "campaigns"
 #: Runs of a scenario whose targets are compared; they are spread over the campaign.
 PROBES = 8
 
@@ -82,18 +80,13 @@ def restore(text: str) -> Resolved:
     return Resolved(Campaign.model_validate(data["campaign"]), bases, data["shapes"])
 
 
-def packaged_campaigns() -> list[str]:
-    """Names of the packaged campaigns, sorted."""
-    return sorted(p.name.removesuffix(".yaml") for p in _PACKAGED.iterdir() if p.name.endswith(".yaml"))
-
-
 def load_campaign(
     source: ScenarioSource, overrides: Mapping[str, Any] = loading.NO_OVERRIDES, *, runs: int | None = None
 ) -> Resolved:
     """Read a campaign and the scenarios it flies.
 
     Args:
-        source: A packaged name (see `packaged_campaigns`), the path of a YAML file, or what such a file holds as a mapping. A
+        source: A packaged name (see `swarm_mj.available`), the path of a YAML file, or what such a file holds as a mapping. A
             scenario instead, as `load_scenario` takes it, is flown again and again, each time with another seed.
         overrides: Values by dotted key, in all scenarios; they go before the file's `set`.
         runs: Takes the place of the file's `runs`.
@@ -135,16 +128,7 @@ def _campaign_of(scenario: Scenario) -> tuple[dict[str, Any], str, Path]:
 
 
 def resolve(data: dict[str, Any], source: str, folder: Path = Path()) -> Resolved:
-    """A campaign from the keys of its file, with the scenarios it flies.
-
-    Args:
-        data: As a file has it.
-        source: What errors call it.
-        folder: Which paths are relative to.
-
-    Raises:
-        ScenarioError: As `load_campaign`.
-    """
+    """A campaign from the keys of its file, `source` in errors, with the scenarios it flies; errors as `load_campaign`."""
     campaign = _validated(data, source)
     scenarios = [_load_base(base, campaign, folder) for base in campaign.scenarios]
     campaign = _with_labels(campaign, scenarios, source)
@@ -213,12 +197,12 @@ def _read(name_or_path: str) -> tuple[str, str, Path]:
     path = Path(name_or_path)
     if path.suffix in {".yaml", ".yml"} or os.sep in name_or_path:
         return loading.file_text(path, "campaign"), str(path), path.parent
-    known = packaged_campaigns()
+    known = packaged_files("campaigns")
     if name_or_path not in known:
         raise ScenarioError(
             f"{shortened(name_or_path)}: no such campaign. Packaged: {', '.join(known)}. The name of a file must end in .yaml"
         )
-    return (_PACKAGED / f"{name_or_path}.yaml").read_text("utf-8"), name_or_path, Path()
+    return known[name_or_path].read_text("utf-8"), name_or_path, Path()
 
 
 def _with_labels(campaign: Campaign, scenarios: list[Scenario], source: str) -> Campaign:
@@ -276,14 +260,12 @@ def _maps_serve_once(campaign: Campaign, label: str, base: Scenario) -> bool:
     """
     if base.observation.observer != "horizon" or not base.observation.occlusion:
         return False
-    if _is_drawn("observation.observer", campaign) or not _cells_may_differ(campaign, base):
+    if _is_drawn("observation.observer", campaign):
+        return False
+    if not (base.dispersions.target_m > 0.0 or any(_is_drawn(key, campaign) for key in CELL_KEYS)):
         return False
     targets = list(_targets(campaign, label, base))
     return len(targets) > 1 and len(set(targets)) == len(targets)
-
-
-def _cells_may_differ(campaign: Campaign, base: Scenario) -> bool:
-    return base.dispersions.target_m > 0.0 or any(_is_drawn(key, campaign) for key in CELL_KEYS)
 
 
 def _is_drawn(key: str, campaign: Campaign) -> bool:

@@ -31,15 +31,7 @@ _OURS = re.compile(rf"{re.escape(LOCK)}|{REPLAYS}|\.{re.escape(MANIFEST)}\.[0-9a
 
 
 def require_place(folder: Path, *, resume: bool = False) -> None:
-    """Check that a folder is absent, empty or a campaign's; nothing is written.
-
-    Args:
-        folder: Where a campaign's results stand or will stand.
-        resume: A campaign must stand there.
-
-    Raises:
-        OutputError: It is not.
-    """
+    """Refuse a folder that is not absent, empty or a campaign's, or with `resume` has no campaign; nothing is written."""
     try:
         names = os.listdir(folder) if folder.exists() else []
         # Asked last: a campaign that begins meanwhile writes its manifest before all else.
@@ -97,11 +89,7 @@ def kept_runs(folder: Path, campaign: Campaign) -> int:
 
 
 def campaign_in(folder: Path) -> Campaign:
-    """The campaign of a folder.
-
-    Raises:
-        OutputError: It describes none.
-    """
+    """The campaign of a folder, which must describe one."""
     path = folder / MANIFEST
     try:
         return Campaign.model_validate(_read_manifest(path).get("campaign"))
@@ -110,11 +98,7 @@ def campaign_in(folder: Path) -> Campaign:
 
 
 def mark_in(folder: Path) -> str:
-    """By which rows of the campaign in a folder are known: a hash of all that they depend on.
-
-    Raises:
-        OutputError: It describes none.
-    """
+    """By which rows of the campaign in a folder are known: a hash of all that they depend on."""
     manifest = _without_descriptions(_read_manifest(folder / MANIFEST))
     return hash_of(json.dumps([manifest.get(section) for section in _SECTIONS], sort_keys=True))
 
@@ -133,11 +117,7 @@ def _read_manifest(path: Path) -> dict[str, Any]:
 
 
 def require_same(theirs: dict[str, Any], ours: dict[str, Any], folder: Path) -> None:
-    """Check that two manifests describe one campaign, flown by one program.
-
-    Raises:
-        OutputError: They do not; the message names what differs.
-    """
+    """Refuse two manifests that do not describe one campaign, flown by one program; the message names what differs."""
     then, now = _without_descriptions(theirs), _without_descriptions(ours)
     changed = [
         f"{path} = {shown(after)}, was {shown(before)}"

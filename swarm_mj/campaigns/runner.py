@@ -12,7 +12,7 @@ from rich.progress import Progress
 from swarm_mj.campaigns.flying import Flyer
 from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.manifest import REPLAYS, require_place, take_over
-from swarm_mj.campaigns.pools import LocalPool, Pool
+from swarm_mj.campaigns.pools import DaskPool, LocalPool, Pool
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import OutputError, ScenarioError
 from swarm_mj.io import interruption
@@ -26,12 +26,7 @@ TELEMETRY = "telemetry"
 
 
 class FlownCampaign(NamedTuple):
-    """A campaign that is finished.
-
-    Attributes:
-        summary: As in `summary.json`.
-        results: One row a run, an Arrow table.
-    """
+    """A campaign that is finished: its summary as in `summary.json`, and an Arrow table with one row a run."""
 
     summary: dict[str, Any]
     results: Any
@@ -68,7 +63,7 @@ def run_campaign(
         resolved: The campaign.
         folder: Where its results stand or will stand.
         workers: Local processes; None takes one per core.
-        scheduler: Address of a Dask scheduler whose workers fly instead.
+        scheduler: Of Dask, whose workers fly instead.
         resume: Go on with the campaign in the folder.
         bars: Where to show how far it is, and to say what the user should know on the way: torn files whose runs are flown
             again, another observer, an interruption. None: nowhere, and by warnings.
@@ -167,33 +162,28 @@ def _collect(pool: Pool, missing: list[int], store: Any, total: int, bars: Progr
         words = f"{name}: {len(store.done)} of {total} runs" + (f", {failed} failed" if failed else "")
         return {"description": words, "completed": len(store.done)}
 
-    task = None if bars is None else bars.add_task(total=total, **count())
+    bars = bars or Progress(disable=True)
+    task = bars.add_task(total=total, **count())
     for row in pool.results(missing):
         store.add(row)
         failed += row["status"] == "failed"
         interruption.check()
-        if bars is not None and task is not None:
-            bars.update(task, **count())
+        bars.update(task, **count())
 
 
 def _pool(resolved: Resolved, folder: Path, workers: int | None, scheduler: str | None) -> Pool:
     # Resolved: workers may have another current folder.
     telemetry = str((folder / TELEMETRY).resolve()) if resolved.campaign.telemetry else None
-    if scheduler is None:
-        return LocalPool(resolved, telemetry, workers)
-    from swarm_mj.campaigns.dask_pool import DaskPool
-
-    return DaskPool(resolved, telemetry, scheduler)
+    return LocalPool(resolved, telemetry, workers) if scheduler is None else DaskPool(resolved, telemetry, scheduler)
 
 
 def _kept_row(folder: Path, row: int) -> dict[str, Any] | None:
     from swarm_mj.campaigns.store import read_results
 
     try:
-        found = [kept for kept in read_results(folder).to_pylist() if kept["row"] == row]
+        return next((kept for kept in read_results(folder).to_pylist() if kept["row"] == row), None)
     except OutputError:
         return None
-    return found[0] if found else None
 
 
 def _write_replay(flyer: Flyer, row: int, folder: Path, flown: dict[str, Any]) -> None:

@@ -29,15 +29,7 @@ PARAMETERS, SEEDS = 0, 1
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """One run of a campaign.
-
-    Attributes:
-        row: Its number, from 0.
-        run: How often its scenario was flown before.
-        scenario: Name of the scenario.
-        seed: Seed of the run.
-        values: Drawn values by dotted key.
-    """
+    """One run of a campaign: its row, from 0, how often its scenario was flown before, and the drawn values by dotted key."""
 
     row: int
     run: int
@@ -73,11 +65,7 @@ class Sample:
         return self.runs * len(self.names)
 
     def trial(self, row: int) -> Trial:
-        """One run.
-
-        Raises:
-            IndexError: There is no such row.
-        """
+        """One run; an IndexError where there is no such row."""
         if not 0 <= row < self.rows:
             raise IndexError(f"row {row}: must be 0 to {self.rows - 1}")
         run, scenario = divmod(row, len(self.names))

@@ -24,13 +24,7 @@ WIDEST_INDEX = 0.5
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number and its confidence interval; an end is NaN where the sample is too small to tell.
-
-    Attributes:
-        value: The estimate.
-        low: Lower end.
-        high: Upper end.
-    """
+    """A number and its confidence interval; an end is NaN where the sample is too small to tell."""
 
     value: float
     low: float
@@ -43,13 +37,7 @@ def index_told(index: Estimate) -> bool:
 
 
 def probability(successes: int, n: int, method: str = "wilson") -> Estimate:
-    """A probability from n trials.
-
-    Args:
-        successes: How many succeeded.
-        n: Number of trials.
-        method: `wilson` for the score interval of Wilson (1927), `exact` for that of Clopper and Pearson (1934).
-    """
+    """A probability from n trials, with the interval of Wilson (1927, `wilson`) or of Clopper and Pearson (1934, `exact`)."""
     if n == 0:
         return Estimate(np.nan, 0.0, 1.0)
     interval = stats.binomtest(successes, n).proportion_ci(LEVEL, method=method)

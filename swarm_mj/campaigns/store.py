@@ -31,8 +31,8 @@ from pydantic import NonNegativeInt
 
 from swarm_mj.campaigns.config import Campaign
 from swarm_mj.campaigns.distributions import Bernoulli, Choice, Integer
+from swarm_mj.campaigns.flying import recorded
 from swarm_mj.campaigns.manifest import campaign_in, mark_in
-from swarm_mj.campaigns.outcome import recorded
 from swarm_mj.errors import OutputError
 from swarm_mj.io.arrays import MAX_BYTES
 from swarm_mj.io.atomic import replacing
@@ -67,11 +67,7 @@ class JournalRow(Record):
 
 
 class Store:
-    """The results of a campaign, for the one process that writes them; open it under the folder's lock.
-
-    Args:
-        folder: The campaign's folder.
-        schema: Columns, with the mark.
+    """The results of a campaign in its folder, for the one process that writes them; open it under the folder's lock.
 
     Raises:
         OutputError: The folder cannot be read or written, or holds rows of another campaign.
@@ -251,13 +247,9 @@ def _replaced(path: Path) -> Iterator[IO[bytes]]:
 
 
 def _read_parquet(path: Path) -> pa.Table:
-    """The rows of a file that may be damaged or hostile.
+    """The rows of a file that may be damaged or hostile; an ArrowException, ValueError or OSError where it is.
 
     Text stays packed, each different one kept once, until it is known how much all of it takes.
-
-    Raises:
-        FileNotFoundError: There is none.
-        pa.ArrowException, ValueError, OSError: It cannot be read, has columns that no campaign has, or takes too much memory.
     """
     if not os.path.lexists(path):
         raise FileNotFoundError(path)
@@ -285,11 +277,7 @@ def _text_bytes(column: pa.ChunkedArray) -> int:
 
 
 def schema_in(folder: Path) -> pa.Schema:
-    """Columns of the campaign in a folder, with its mark.
-
-    Raises:
-        OutputError: There is none.
-    """
+    """Columns of the campaign in a folder, with its mark."""
     return schema_of(campaign_in(folder)).with_metadata({MARK: mark_in(folder)})
 
 

@@ -21,8 +21,8 @@ from rich.table import Table
 from swarm_mj.campaigns import statistics
 from swarm_mj.campaigns.config import Campaign
 from swarm_mj.campaigns.distributions import Choice
+from swarm_mj.campaigns.flying import recorded
 from swarm_mj.campaigns.loading import Resolved
-from swarm_mj.campaigns.outcome import recorded
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.campaigns.statistics import Estimate
 from swarm_mj.campaigns.store import WALL
@@ -42,11 +42,7 @@ LONGEST = 24
 
 
 def write_summary(folder: Path, resolved: Resolved, results: pa.Table) -> dict[str, Any]:
-    """Sum up and write `summary.json`.
-
-    Raises:
-        OutputError: It cannot be written.
-    """
+    """Sum up and write `summary.json`."""
     summary = summarise_campaign(resolved, results)
     text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
     with writing(folder / SUMMARY, "go on with --resume"):

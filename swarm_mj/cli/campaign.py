@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from swarm_mj.cli.common import (
     DEFAULT_OUT,
@@ -107,15 +107,12 @@ def _fly(arguments: argparse.Namespace, resolved: Resolved, folder: Path) -> int
     for table in filter(None, (summary_table(flown.summary), group_table(flown.summary))):
         show_table(bars.console, table)
     failed = [row for row in flown.results.to_pylist() if row["status"] == "failed"]
-    lines = [*sobol_findings(flown.summary), *map(_failure, failed[:5])]
+    lines = sobol_findings(flown.summary)
+    lines += [f"row {r['row']} ({r['scenario']}, seed {r['seed']}) failed: {r['error']}" for r in failed[:5]]
     if failed:
         lines.append(f"{len(failed)} failed; replay one with --replay {failed[0]['row']}")
     tell(bars.console, *lines, f"{resolved.campaign.name}: files in {folder}")
     return 0
-
-
-def _failure(row: dict[str, Any]) -> str:
-    return f"row {row['row']} ({row['scenario']}, seed {row['seed']}) failed: {row['error']}"
 
 
 def _replay(arguments: argparse.Namespace, resolved: Resolved, folder: Path) -> int:

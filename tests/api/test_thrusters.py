@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import swarm_mj as sm
-from swarm_mj.campaigns.outcome import outcome, pick
+from swarm_mj.campaigns.flying import outcome, pick
 from swarm_mj.records.propulsion import KEYS, propulsion_findings
 from swarm_mj.records.run_record import read_run
 from swarm_mj.reports.page import report_html

@@ -4,17 +4,18 @@ import numpy as np
 import pytest
 
 from swarm_mj.campaigns.flying import Flyer
-from swarm_mj.campaigns.loading import load_campaign, packaged_campaigns
+from swarm_mj.campaigns.loading import load_campaign
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.bodies import packaged_files
 
 
 def test_there_are_packaged_campaigns_and_an_unknown_one_lists_them():
-    assert {"eros-losses", "eros-sensitivity", "eros-each-fault"} <= set(packaged_campaigns())
+    assert {"eros-losses", "eros-sensitivity", "eros-each-fault"} <= set(packaged_files("campaigns"))
     with pytest.raises(ScenarioError, match="eros-each-fault, eros-losses"):
         load_campaign("eros-nothing")
 
 
-@pytest.mark.parametrize("name", packaged_campaigns())
+@pytest.mark.parametrize("name", packaged_files("campaigns"))
 def test_a_packaged_campaign_flies_its_first_run_without_opengl(name):
     row = Flyer(load_campaign(name, runs=2)).fly(0)
     assert row["status"] == "ok", row["error"]
