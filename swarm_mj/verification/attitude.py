@@ -8,10 +8,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from swarm_mj.simulator.simulation import FlightSamples
 from swarm_mj.simulator.state import InitialState
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_rate
 from swarm_mj.verification.experiment import Bench, experiment
-from swarm_mj.verification.flights import Flight, fly, gyrostat
+from swarm_mj.verification.flights import fly, gyrostat, rotational_state
 
 TUMBLING_S, STUDY_S, STUDY_STEPS_S = 1200.0, 300.0, (0.5, 0.25, 0.125)
 SPACECRAFT = 4
@@ -51,7 +52,7 @@ def tumbling_start() -> InitialState:
     )
 
 
-def tumbling(bench: Bench) -> Flight:
+def tumbling(bench: Bench) -> FlightSamples:
     """Twenty minutes without torque at the default step."""
     return fly(bench, tumbling_start(), TUMBLING_S, 10.0, timestep=0.1)
 
@@ -60,8 +61,8 @@ def tumbling(bench: Bench) -> Flight:
 def momentum_drift(bench: Bench) -> float:
     """Angular momentum of body and wheels in 1,200 s of torque-free tumbling, relative."""
     flight = bench.once(tumbling)
-    momentum_B = gyrostat().momentum_B(flight.omega_B, flight.wheels)
-    to_N = Rotation.from_quat(flight.q_BN.reshape(-1, 4), scalar_first=True)
+    momentum_B = gyrostat().momentum_B(flight.samples["omega_BN_B"], flight.samples["wheel_speed"])
+    to_N = Rotation.from_quat(flight.samples["q_BN"].reshape(-1, 4), scalar_first=True)
     momentum_N = to_N.apply(momentum_B.reshape(-1, 3)).reshape(momentum_B.shape)
     change = np.linalg.norm(momentum_N - momentum_N[0], axis=2)
     return float(np.max(change / np.linalg.norm(momentum_N[0], axis=1)))
@@ -74,8 +75,8 @@ def energy_drift(bench: Bench) -> float:
     The fast wheels hold a thousand times more, which hardly changes and would hide what the body does.
     """
     flight = bench.once(tumbling)
-    energy = gyrostat().energy(flight.omega_B, flight.wheels)
-    body = gyrostat().energy(flight.omega_B[0], np.zeros(3))
+    energy = gyrostat().energy(flight.samples["omega_BN_B"], flight.samples["wheel_speed"])
+    body = gyrostat().energy(flight.samples["omega_BN_B"][0], np.zeros(3))
     return float(np.max(np.abs(energy - energy[0]) / body))
 
 
@@ -104,23 +105,25 @@ def order_error(bench: Bench) -> float:
 def step_error(bench: Bench) -> float:
     """Body rates after 300 s of tumbling by the kernel, step 0.1 s."""
     flights = [fly(bench, tumbling_start(), STUDY_S, STUDY_S, stepper=stepper) for stepper in ("mujoco", "kernel")]
-    return float(np.abs(flights[0].omega_B - flights[1].omega_B).max())
+    return float(np.abs(flights[0].samples["omega_BN_B"] - flights[1].samples["omega_BN_B"]).max())
 
 
-def attitude_error(flight: Flight) -> float:
+def attitude_error(flight: FlightSamples) -> float:
     """Largest angle at the end of a torque-free flight from the attitude that SciPy finds [rad]."""
     body, end = gyrostat(), float(flight.time[-1])
     angles = []
-    for j in range(flight.q_BN.shape[1]):
+    for j in range(flight.samples["q_BN"].shape[1]):
         solution = solve_ivp(
             lambda t, y: body.rates(y, np.zeros(3)),
             (0.0, end),
-            flight.rotational_state(0, j),
+            rotational_state(flight, 0, j),
             method="DOP853",
             t_eval=[end],
             rtol=1e-12,
             atol=1e-12,
         )
         expected = Rotation.from_quat(solution.y[:4, 0], scalar_first=True)
-        angles.append((Rotation.from_quat(flight.q_BN[-1, j], scalar_first=True) * expected.inv()).magnitude())
+        angles.append(
+            (Rotation.from_quat(flight.samples["q_BN"][-1, j], scalar_first=True) * expected.inv()).magnitude()
+        )
     return float(max(angles))

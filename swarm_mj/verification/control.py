@@ -7,12 +7,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from swarm_mj.simulator.simulation import FlightSamples
 from swarm_mj.simulator.state import InitialState
 from swarm_mj.spacecraft.control import MrpSlidingMode
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array
 from swarm_mj.verification.experiment import Bench, experiment
-from swarm_mj.verification.flights import Flight, fly, gyrostat
+from swarm_mj.verification.flights import fly, gyrostat, rotational_state
 from swarm_mj.verification.reference import eros_acceleration, eros_attitude
 
 DURATION_S, PERIOD_S = 120.0, 0.5
@@ -20,7 +21,7 @@ DURATION_S, PERIOD_S = 120.0, 0.5
 R, V, Q, OMEGA, WHEELS = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13), slice(13, 16)
 
 
-def slew(bench: Bench, duration: float = DURATION_S) -> Flight:
+def slew(bench: Bench, duration: float = DURATION_S) -> FlightSamples:
     """A spacecraft that passes Eros and turns from a random attitude to track its centre."""
     initial = InitialState(
         r_BN_N=np.array([[24e3, -6e3, 5e3]]),
@@ -111,9 +112,11 @@ def loop_error(bench: Bench) -> float:
     return largest_angle(bench.once(slew), DURATION_S)
 
 
-def largest_angle(flight: Flight, duration: float) -> float:
+def largest_angle(flight: FlightSamples, duration: float) -> float:
     """Largest angle between a flight and its equations [rad]."""
-    start = np.concatenate((flight.r_N[0, 0], flight.v_N[0, 0], flight.rotational_state(0, 0)))
+    start = np.concatenate(
+        (flight.samples["r_BN_N"][0, 0], flight.samples["v_BN_N"][0, 0], rotational_state(flight, 0, 0))
+    )
     expected = Rotation.from_quat(expected_states(start, duration)[:, Q], scalar_first=True)
-    simulated = Rotation.from_quat(flight.q_BN[:, 0], scalar_first=True)
+    simulated = Rotation.from_quat(flight.samples["q_BN"][:, 0], scalar_first=True)
     return float((simulated * expected.inv()).magnitude().max())

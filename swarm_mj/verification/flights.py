@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -11,7 +10,7 @@ from swarm_mj.flight.environment import environment_from
 from swarm_mj.mission.behaviors import SwarmView, Targets
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.flight_setup import FlightSetup
-from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.simulator.simulation import FlightSamples, Simulation
 from swarm_mj.simulator.state import InitialState
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
@@ -44,30 +43,9 @@ class WatchBody:
         return Targets(np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros((n, 3))), None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Flight:
-    """Samples of a flight.
-
-    Attributes:
-        time: Shape (t,) [s].
-        r_N: Positions, shape (t, n, 3) [m].
-        v_N: Velocities, shape (t, n, 3) [m/s].
-        q_BN: Attitudes (w, x, y, z), shape (t, n, 4).
-        omega_B: Body rates, shape (t, n, 3) [rad/s].
-        wheels: Wheel speeds, shape (t, n, 3) [rad/s].
-    """
-
-    time: Array
-    r_N: Array
-    v_N: Array
-    q_BN: Array
-    omega_B: Array
-    wheels: Array
-
-    def rotational_state(self, sample: int, spacecraft: int) -> Array:
-        """State of `Gyrostat.rates`, shape (10,)."""
-        parts = (self.q_BN, self.omega_B, self.wheels)
-        return np.concatenate([part[sample, spacecraft] for part in parts])
+def rotational_state(flight: FlightSamples, sample: int, spacecraft: int) -> Array:
+    """State of `Gyrostat.rates`, shape (10,)."""
+    return np.concatenate([flight.samples[key][sample, spacecraft] for key in ("q_BN", "omega_BN_B", "wheel_speed")])
 
 
 def environment(bench: Bench) -> Environment:
@@ -97,19 +75,8 @@ def fly(
     period: float = 0.5,
     controller: Controller | None = None,
     stepper: Stepper = "mujoco",
-) -> Flight:
-    """Fly default CubeSats about Eros.
-
-    Args:
-        bench: For the environment.
-        initial: Where they start.
-        duration: [s].
-        interval: Between samples [s].
-        timestep: Of the integration [s].
-        period: Of control and forces [s].
-        controller: None: no torque.
-        stepper: Who steps.
-    """
+) -> FlightSamples:
+    """Fly default CubeSats about Eros, with control and forces once a period; times in s, without a controller no torque."""
     # What is drawn plays no part in the flight, so that a coarse mesh does.
     model = build_model(len(initial.r_BN_N), shape=ball(16e3, 2), timestep=timestep, stepper=stepper)
     simulation = Simulation(
@@ -118,13 +85,4 @@ def fly(
         controller or NoTorque(),
     )
     simulation.reset(initial)
-    record = simulation.run(duration, interval)
-    found = record.samples
-    return Flight(
-        time=record.time,
-        r_N=found["r_BN_N"],
-        v_N=found["v_BN_N"],
-        q_BN=found["q_BN"],
-        omega_B=found["omega_BN_B"],
-        wheels=found["wheel_speed"],
-    )
+    return simulation.run(duration, interval)

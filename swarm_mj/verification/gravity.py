@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from importlib import import_module
-from typing import Protocol
 
 import numpy as np
 
@@ -23,16 +22,8 @@ STEP_M = 40.0
 FIT_DEGREE = 40
 
 
-class Field(Protocol):
-    """A field that knows its potential."""
-
-    def potential(self, r_A: Array) -> Array:
-        """Potential [m^2/s^2], shape (n,)."""
-        ...
-
-    def acceleration(self, r_A: Array) -> Array:
-        """Attraction [m/s^2], shape (n, 3)."""
-        ...
+#: Those that know their potential.
+Field = PointMass | SphericalHarmonics | Polyhedron
 
 
 def eros_shape(bench: Bench) -> ShapeModel:

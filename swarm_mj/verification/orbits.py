@@ -8,10 +8,11 @@ from scipy.integrate import solve_ivp
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.scenarios.constants import EROS_GM
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.simulator.simulation import FlightSamples
 from swarm_mj.simulator.state import InitialState
 from swarm_mj.typing import Array
 from swarm_mj.verification.experiment import Bench, experiment
-from swarm_mj.verification.flights import Flight, fly
+from swarm_mj.verification.flights import fly
 from swarm_mj.verification.reference import SPIN_RATE, eros_acceleration, eros_attitude, eros_potential
 
 DAY_S, INTERVAL_S = 86_400.0, 600.0
@@ -25,7 +26,7 @@ def start_A() -> tuple[Array, Array]:
     return np.array([PERIAPSIS_M, 0.0, 0.0]), speed * np.array([0.0, np.cos(INCLINATION), np.sin(INCLINATION)])
 
 
-def day(bench: Bench) -> Flight:
+def day(bench: Bench) -> FlightSamples:
     """One spacecraft for 24 h."""
     C_AN = eros_attitude(0.0)
     r_A, v_A = start_A()
@@ -54,7 +55,7 @@ def orbit_error(bench: Bench) -> float:
     start = np.concatenate((r_A, v_A - np.cross(SPIN_A, r_A)))
     solution = solve_ivp(rates, (0.0, DAY_S), start, method="DOP853", t_eval=flight.time, rtol=1e-12, atol=1e-9)
     expected = np.array([r @ eros_attitude(t) for t, r in zip(flight.time, solution.y[:3].T, strict=True)])
-    return float(np.linalg.norm(flight.r_N[:, 0] - expected, axis=1).max())
+    return float(np.linalg.norm(flight.samples["r_BN_N"][:, 0] - expected, axis=1).max())
 
 
 @experiment("orbit-jacobi", "conservation in the rotating frame", 1e-9)
@@ -62,7 +63,7 @@ def jacobi_drift(bench: Bench) -> float:
     """Jacobi constant in the same orbit over 24 h, relative."""
     flight = bench.once(day)
     C_AN = np.array([eros_attitude(t) for t in flight.time])
-    r_A, v_A = (np.einsum("tij,tj->ti", C_AN, x[:, 0]) for x in (flight.r_N, flight.v_N))
+    r_A, v_A = (np.einsum("tij,tj->ti", C_AN, x[:, 0]) for x in (flight.samples["r_BN_N"], flight.samples["v_BN_N"]))
     # v_rot^2 / 2 - (w x r)^2 / 2 - U with v_rot = v - w x r is v^2 / 2 - v.(w x r) - U.
     constant = 0.5 * np.sum(v_A**2, axis=1) - np.sum(v_A * np.cross(SPIN_A, r_A), axis=1) - eros_potential(r_A)
     return float(np.abs(constant / constant[0] - 1.0).max())

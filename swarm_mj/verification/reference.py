@@ -48,12 +48,12 @@ def eros_acceleration(r_A: Array) -> Array:
     return constants.EROS_GM * (-r_A / r**3 + constants.EROS_REFERENCE_RADIUS**2 * oblate)
 
 
-def eros_attitude(t: float, jd: float = EPOCH_JD) -> Array:
-    """C_AN of Eros `t` seconds after a Julian date, from the vectors of pole, node and prime meridian, shape (3, 3)."""
+def eros_attitude(t: float) -> Array:
+    """C_AN of Eros `t` seconds after `EPOCH_JD`, from the vectors of pole, node and prime meridian, shape (3, 3)."""
     ra, dec = radians(constants.EROS_POLE_RA_DEG), radians(constants.EROS_POLE_DEC_DEG)
     pole = ecliptic(np.array([cos(dec) * cos(ra), cos(dec) * sin(ra), sin(dec)]))
     node = ecliptic(np.array([-sin(ra), cos(ra), 0.0]))
-    days = (jd - constants.JD_J2000) + t / constants.DAY
+    days = (EPOCH_JD - constants.JD_J2000) + t / constants.DAY
     angle = radians((constants.EROS_W0_DEG + constants.EROS_W_RATE_DEG_PER_DAY * days) % 360.0)
     meridian = cos(angle) * node + sin(angle) * np.cross(pole, node)
     return np.array([meridian, np.cross(pole, meridian), pole])

@@ -84,13 +84,7 @@ def run_validation(
     markdown_path: Path | None = None,
     quiet: bool = False,
 ) -> int:
-    """Run the physics checks on the installed program.
-
-    Args:
-        only: Names of checks or groups; empty: all.
-        json_path: Write the results here as JSON.
-        markdown_path: Write the results here as a Markdown page.
-        quiet: No progress bar.
+    """Run checks by their names or groups, print their table and write their results to files.
 
     Returns:
         Exit status: 0 if no check failed, else 1. Checks that cannot be run here do not fail.
@@ -103,24 +97,23 @@ def run_validation(
         checks = run_experiments(choose(only), bars)
     console.print(table(checks))
     console.print(f"{totals(checks)}; {time.perf_counter() - start:.1f} s", highlight=False)
-    if json_path is not None:
-        write_json(json_path, checks)
-    if markdown_path is not None:
-        write_markdown(markdown_path, checks)
+    for path, text_of in ((json_path, json_text), (markdown_path, markdown_page)):
+        if path is not None:
+            with writing(path, "choose another file"):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_text(path, text_of(checks))
     return int(any(check.passed is False for check in checks))
 
 
 def run_experiments(experiments: Sequence[Experiment], bars: Progress | None = None) -> list[Check]:
     """Run checks one after another on a common bench; `bars` shows how far it is."""
-    bench, checks = Bench(), list[Check]()
-    task = None if bars is None else bars.add_task("validate", total=len(experiments))
+    bench, checks, bars = Bench(), list[Check](), bars or Progress(disable=True)
+    task = bars.add_task("validate", total=len(experiments))
     for experiment in experiments:
-        if bars is not None and task is not None:
-            bars.update(task, completed=len(checks), description=f"validate: {experiment.name}")
+        bars.update(task, completed=len(checks), description=f"validate: {experiment.name}")
         checks.append(experiment.run(bench))
         interruption.check()
-    if bars is not None and task is not None:
-        bars.update(task, completed=len(checks), description="validate")
+    bars.update(task, completed=len(checks), description="validate")
     return checks
 
 
@@ -161,27 +154,19 @@ def totals(checks: Sequence[Check]) -> str:
     return "{} passed, {} failed, {} not run".format(*counts)
 
 
-def write_json(path: Path, checks: Sequence[Check]) -> None:
-    """Write the checks and the versions of the libraries.
-
-    Raises:
-        OutputError: The file cannot be written.
-    """
+def json_text(checks: Sequence[Check]) -> str:
+    """The checks and the versions of the libraries as JSON."""
     content: dict[str, Any] = {"checks": [asdict(check) for check in checks], "versions": versions()}
-    _write(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+    return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
 
-def write_markdown(path: Path, checks: Sequence[Check]) -> None:
-    """Write the page that docs/results/validation.md is.
-
-    Raises:
-        OutputError: The file cannot be written.
-    """
+def markdown_page(checks: Sequence[Check]) -> str:
+    """The page that docs/results/validation.md is."""
     rows = "\n".join(
         f"| `{c.name}` | {c.what} | {c.reference} | {tolerance(c)} | {measured(c)} | {_explained(c)} |" for c in checks
     )
     stated = ", ".join(f"{name} {number}" for name, number in versions().items())
-    _write(path, _PAGE.format(rows=rows, totals=totals(checks), versions=f"Versions: {stated}"))
+    return _PAGE.format(rows=rows, totals=totals(checks), versions=f"Versions: {stated}")
 
 
 def versions() -> dict[str, str]:
@@ -208,9 +193,3 @@ def _explained(check: Check) -> str:
 def _coloured(check: Check) -> str:
     colour = {True: "green", False: "bold red", None: "yellow"}[check.passed]
     return f"[{colour}]{escape(verdict(check))}[/]"
-
-
-def _write(path: Path, text: str) -> None:
-    with writing(path, "choose another file"):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, text)
