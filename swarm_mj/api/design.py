@@ -280,11 +280,7 @@ def _told_where_it_is(found: Design, stages: Stages) -> Iterator[None]:
 
 
 def _check_nothing_lost(study: Study, folder: Path | None, stages: Stages) -> None:
-    """Tell of the best design of an interrupted study, and where it is.
-
-    Raises:
-        KeyboardInterrupt: There is no folder for it, or an earlier design stands there, which stays.
-    """
+    """Tell of the best design of an interrupted study, and where it is; without a place for it, end by the interruption."""
     points, proven = ", ".join(map(str, study.selected)), "" if study.exact.status == "optimal" else ", not proven"
     words = (
         f"interrupted ({study.interrupted}); best design so far{proven}: {len(study.selected)} observers at {points}"
@@ -316,8 +312,7 @@ def _teller(scenario: schema.Scenario, bars: Progress | None) -> Tell | None:
 
 
 def _compared(scenario: schema.Scenario, bars: Progress | None, workers: int | None) -> list[Growth]:
-    if bars is None:
-        return growth(scenario, workers=workers)
+    bars = bars or Progress(disable=True)
     task = bars.add_task("beyond the paper", total=len(EXTENSIONS))
     started: list[str] = []
 

@@ -28,11 +28,7 @@ DPI, WIDTH_PX = 110, 760
 
 
 class Plots:
-    """Figures of one result, a method for each.
-
-    Args:
-        composers: What makes each figure, by its name.
-    """
+    """Figures of one result, a method for each of their composers, by its name."""
 
     def __init__(self, composers: Mapping[str, Callable[..., Figure]]) -> None:
         self._composers = dict(composers)
@@ -86,19 +82,14 @@ def rows_html(title: str, subtitle: str, rows: Iterable[tuple[str, str]]) -> str
 def figure_html(compose: Callable[[], Figure]) -> str:
     """A figure as an image inside the page; where it cannot be drawn, why not."""
     try:
-        return png_html(png_of(compose()))
+        figure, buffer = compose(), io.BytesIO()
     except SwarmError as error:
         return f"<p>{escape(str(error))}</p>"
+    figure.savefig(buffer, format="png", dpi=DPI)
+    return png_html(buffer.getvalue())
 
 
 def png_html(png: bytes) -> str:
     """A PNG file as an image inside the page."""
     data = base64.b64encode(png).decode("ascii")
     return f'<img style="max-width:{WIDTH_PX}px;width:100%" src="data:image/png;base64,{data}">'
-
-
-def png_of(figure: Figure) -> bytes:
-    """A figure as a PNG file."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI)
-    return buffer.getvalue()

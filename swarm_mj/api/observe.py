@@ -18,7 +18,6 @@ from swarm_mj.interop.external_flight import (
     ForeignFlight,
     Pointing,
     body_section,
-    foreign_flight,
     read_tracks,
     scenario_of,
 )
@@ -164,7 +163,7 @@ def observe(
     else:
         asked = load(scenario, overrides)
         paths, attitudes = tracks(asked.body.name, asked.ephemerides.body)
-    flight = foreign_flight(asked, paths, attitudes, pointing)
+    flight = ForeignFlight(asked, paths, attitudes, pointing)
     with using_bars(progress) as bars:
         stages = Stages(asked.name, bars)
         with stages.stage("coverage", "images", picture_count(flight, flight.telemetry)) as done:

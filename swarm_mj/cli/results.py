@@ -77,11 +77,7 @@ def _video(arguments: argparse.Namespace) -> int:
 
 
 def parse_size(text: str) -> tuple[int, int]:
-    """Width and height from WIDTHxHEIGHT.
-
-    Raises:
-        OutputError: It is not of that form.
-    """
+    """Width and height from WIDTHxHEIGHT."""
     parts = text.lower().split("x")
     if len(parts) != 2 or not all(part.isascii() and part.isdigit() for part in parts):
         raise OutputError(f"size {text!r}: give WIDTHxHEIGHT in pixels, e.g. 640x480")
