@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from swarm_mj.io.records import read_record
-from swarm_mj.records.design_files import read_sightings
 from swarm_mj.records.run_files import read_coverage
 from swarm_mj.simulator.telemetry import read_telemetry
 
@@ -40,7 +39,7 @@ def differences(old: Path, new: Path) -> Iterator[str]:
             {str(k): v.values for k, v in read_telemetry(f / "telemetry.nc").variables.items()} for f in (old, new)
         ]
         yield from _arrays("telemetry.nc", *variables)
-    for name, read in (("coverage.npz", read_coverage), ("sightings.npz", read_sightings)):
+    for name, read in (("coverage.npz", read_coverage), ("sightings.npz", np.load)):
         if (old / name).exists():
             yield from _arrays(name, read(old / name), read(new / name))
     for name in ("summary.json", "design.json"):

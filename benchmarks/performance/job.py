@@ -14,8 +14,8 @@ from time import perf_counter
 import numpy as np
 
 from benchmarks.measure import Row, in_turn, row
-from swarm_mj.figures.drawing import draw_all, prepare_drawing
-from swarm_mj.figures.run_figures import composers, draw
+from swarm_mj.figures.drawing import composers, draw_all, prepare_drawing
+from swarm_mj.figures.run_figures import draw
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan

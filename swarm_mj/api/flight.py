@@ -14,8 +14,7 @@ import xarray as xr
 from swarm_mj.api.display import Plots, figure_html, rows_html
 from swarm_mj.api.scenario import Scenario, load
 from swarm_mj.dataflow.delivery import Delivery
-from swarm_mj.figures.drawing import compile_in_background, draw_all, prepare_drawing
-from swarm_mj.figures.optional_figures import figures_of
+from swarm_mj.figures.drawing import compile_in_background, composers, draw_all, figures_of, prepare_drawing
 from swarm_mj.flight.compile_ahead import kernels_compiled
 from swarm_mj.flight.downlink import deliver
 from swarm_mj.flight.fast_releases import release_findings
@@ -126,8 +125,6 @@ class Flight:
     @property
     def plot(self) -> Plots:
         """The figures of the flight by name, e.g. `flight.plot.coverage()`; each returns its Matplotlib axes."""
-        from swarm_mj.figures.run_figures import composers
-
         here = self.plan, self.telemetry, self.result
         return Plots({name: partial(compose, *here) for name, compose in composers(self.telemetry).items()})
 

@@ -5,7 +5,7 @@ In the body-fixed frame A the imaging region |r_j| <= R_im is a ball about the b
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -15,13 +15,21 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from matplotlib.ticker import NullLocator
 
-from swarm_mj.figures.framing import enlarge_small_body, frame_at_rest, frame_words, near_arrival
 from swarm_mj.figures.palette import BLACK, GREY, MODE_STYLES, ORANGE
 from swarm_mj.figures.panels import legend_below
-from swarm_mj.figures.scene import Scene, axis_tips, scene_from
+from swarm_mj.figures.scene import (
+    Scene,
+    axis_tips,
+    enlarge_small_body,
+    frame_at_rest,
+    frame_words,
+    near_arrival,
+    scene_from,
+)
 from swarm_mj.figures.style import (
     HALO,
     SMALL_PT,
+    annotate,
     caption,
     label,
     new_figure,
@@ -168,32 +176,16 @@ def _draw_axes(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene, view: 
         if mode < LOST:
             line = straight(scene.r_A[k, j], tips[j])
             draw_line(ax, view, mesh, line, color=style.line_colour, linewidth=0.9 * width, linestyle=AXIS_DOTS)
-        draw_points(
-            ax,
-            view,
-            mesh,
-            scene.r_A[k, j : j + 1],
-            marker="o",
-            markersize=4.0 * width,
-            color=style.line_colour,
-            mec="white",
-        )
-    when = scale.instant(scene.times[k])
+        look: dict[str, Any] = {"marker": "o", "markersize": 4.0 * width, "color": style.line_colour, "mec": "white"}
+        draw_points(ax, view, mesh, scene.r_A[k, j : j + 1], **look)
     lines = np.vstack([straight(r_A, tip) for r_A, tip in zip(scene.r_A[k], tips, strict=True)])
-    ax.annotate(
-        when,
-        place_above(ax, view.project(scene.r_A[k]), view.project(np.vstack((lines, scene.r_A.reshape(-1, 3))))),
-        xytext=(0.0, 10.0),
-        textcoords="offset points",
-        ha="center",
-        fontsize=SMALL_PT + 1,
-        path_effects=HALO,
-        zorder=7,
-    )
+    place = place_above(ax, view.project(scene.r_A[k]), view.project(np.vstack((lines, scene.r_A.reshape(-1, 3)))))
+    when, size = scale.instant(scene.times[k]), SMALL_PT + 1
+    annotate(ax, when, place, (0.0, 10.0), va="baseline", fontsize=size, path_effects=HALO, zorder=7)
 
 
-def place_above(ax: Axes, points: Array, lines: Array) -> tuple[float, float]:
-    """Where a short text stands above points and clear of lines, both in the axes' units, shape (n, 2)."""
+def place_above(ax: Axes, points: Array, lines: Array) -> Array:
+    """Where a short text stands above points (n, 2) and clear of lines (m, 2), all in the axes' units, shape (2,)."""
     left, right = ax.get_xlim()
     x = float(points[:, 0].mean())
     crossing = lines[np.abs(lines[:, 0] - x) < HALF_TEXT * (right - left)]
@@ -201,11 +193,11 @@ def place_above(ax: Axes, points: Array, lines: Array) -> tuple[float, float]:
     bottom, top = ax.get_ylim()
     highest = top - TEXT_ROOM * (top - bottom)
     if above <= highest:
-        return x, above
+        return np.array([x, above])
     # Lines of sight leave the diagram upwards: the text stays in it, beside them.
     leaving = lines[lines[:, 1] > highest]
     beside = leaving[np.abs(leaving[:, 0] - x) < 2.0 * HALF_TEXT * (right - left)]
-    return float(np.max(beside[:, 0], initial=x)) + HALF_TEXT * (right - left), highest
+    return np.array([float(np.max(beside[:, 0], initial=x)) + HALF_TEXT * (right - left), highest])
 
 
 def _draw_distances(ax: Axes, plan: Plan, telemetry: xr.Dataset, scale: TimeScale) -> None:
@@ -217,22 +209,16 @@ def _draw_distances(ax: Axes, plan: Plan, telemetry: xr.Dataset, scale: TimeScal
         for run in runs(telemetry, j):
             first, last = np.searchsorted(times, (run.start, run.end))
             part = np.union1d(drawn[(drawn > first) & (drawn < last)], (first, last))
-            style = MODE_STYLES[run.mode]
-            width = 1.6 if plan.n <= MANY else 0.7
-            ax.plot(
-                times[part] / unit, distance[part, j], color=style.line_colour, linewidth=width, linestyle=style.dashes
-            )
+            style, width = MODE_STYLES[run.mode], 1.6 if plan.n <= MANY else 0.7
+            x, y = times[part] / unit, distance[part, j]
+            ax.plot(x, y, color=style.line_colour, linewidth=width, linestyle=style.dashes)
             if run.start > 0.0:
                 ax.plot(run.start / unit, distance[first, j], "o", color=BLACK, markersize=3.5, zorder=4)
     bottom, top = _distance_limits(ax, distance, radius_km)
     ax.axhspan(bottom, min(radius_km, top), color="#F6F6F6", zorder=0)
     if radius_km <= top:
         ax.axhline(radius_km, color=BLACK, linewidth=1.2, zorder=1.5)
-    scale.draw_arrival(ax)
-    scale.show(ax)
-    scale.draw_borders(ax)
-    tidy(ax)
-    scale.name(ax)
+    scale.draw(ax)
     label(ax, y="distance to the body's centre [km]")
     caption(ax, f"imaging radius $R_{{im}}$ = {radius_km:g} km; dots: switches")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from swarm_mj.figures.palette import GREY, LIGHT_GREY
-from swarm_mj.figures.style import LABEL_PT, SMALL_PT
+from swarm_mj.figures.style import LABEL_PT, SMALL_PT, annotate
 from swarm_mj.figures.view import KM, ZORDER_BODY, ZORDER_LINES, View
 from swarm_mj.typing import Array
 
@@ -22,6 +23,8 @@ LEAST_SIDE = 0.4
 TICKS = 6
 #: An edge seen shorter than this share of the picture has no room for its scale.
 MIN_EDGE = 0.09
+#: Of text along an edge.
+ANCHORED: dict[str, Any] = {"rotation_mode": "anchor", "annotation_clip": False}
 NAMES = ("$x_A$ [km]", "$y_A$ [km]", "$z_A$ [km]")
 
 
@@ -111,11 +114,10 @@ def _draw_scale(
     every = 2 if len(ticks) * 0.055 * picture_km > length else 1
     for tick in ticks[::every]:
         share = (tick - box[0, i]) / (box[1, i] - box[0, i])
-        _annotate(
-            ax, f"{tick / KM:g}".replace("-", "\N{MINUS SIGN}"), ends[0] + share * along, outward * 11.0, SMALL_PT
-        )
-    angle = float(np.degrees(np.arctan2(along[1], along[0])))
-    _annotate(ax, NAMES[i], ends.mean(axis=0), outward * 30.0, LABEL_PT, rotation=90.0 - (90.0 - angle) % 180.0)
+        text = f"{tick / KM:g}".replace("-", "\N{MINUS SIGN}")
+        annotate(ax, text, ends[0] + share * along, outward * 11.0, fontsize=SMALL_PT, **ANCHORED)
+    turned = 90.0 - (90.0 - float(np.degrees(np.arctan2(along[1], along[0])))) % 180.0
+    annotate(ax, NAMES[i], ends.mean(axis=0), outward * 30.0, fontsize=LABEL_PT, rotation=turned, **ANCHORED)
 
 
 def _outline_edge(view: View, box: Array, i: int, far: NDArray[np.int_]) -> Array:
@@ -127,18 +129,3 @@ def _outline_edge(view: View, box: Array, i: int, far: NDArray[np.int_]) -> Arra
         edge[:, i], edge[:, j], edge[:, k] = box[:, i], box[row_j, j], box[row_k, k]
         candidates.append(edge)
     return min(candidates, key=lambda edge: float(view.project(edge).mean(axis=0)[0 if i == 2 else 1]))
-
-
-def _annotate(ax: Axes, text: str, at: Array, offset_pt: Array, size: float, rotation: float = 0.0) -> None:
-    ax.annotate(
-        text,
-        (float(at[0]), float(at[1])),
-        xytext=(float(offset_pt[0]), float(offset_pt[1])),
-        textcoords="offset points",
-        ha="center",
-        va="center",
-        fontsize=size,
-        rotation=rotation,
-        rotation_mode="anchor",
-        annotation_clip=False,
-    )

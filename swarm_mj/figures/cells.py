@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.axes import Axes
 
+from swarm_mj.figures.style import annotate, label, tidy
 from swarm_mj.figures.view import shade, triangles, unit
 from swarm_mj.mission.target import TargetRegion, angles
 from swarm_mj.scenarios.itinerary import target_name
@@ -38,33 +39,31 @@ def flat_cells(region: TargetRegion) -> Array:
     return flat
 
 
-def name_targets(ax: Axes, region: TargetRegion) -> None:
-    """Write the letters of several targets above them."""
+def finish_cells(ax: Axes, region: TargetRegion, *, brief: bool = False) -> None:
+    """Name the axes, and several targets by letters above them; briefly where there is little room."""
+    tidy(ax)
+    ax.grid(False)
+    where = "" if brief else " of the target's centre"
+    label(ax, f"angle east{where} [deg]", f"angle north{where} [deg]")
     if not region.parts:
         return
     for k, (target, offset) in enumerate(zip(region.parts, flat_offsets(region), strict=True)):
         top = offset + [0.0, np.degrees(target.side_half_angle)]
-        ax.annotate(
-            target_name(k), top, xytext=(0, 5), textcoords="offset points", ha="center", fontweight="bold", zorder=7
-        )
+        annotate(ax, target_name(k), top, (0.0, 5.0), va="baseline", fontweight="bold", zorder=7)
 
 
-def draw_cells(ax: Axes, region: TargetRegion, colours: Array, ambient: float = AMBIENT) -> None:
+def draw_cells(
+    ax: Axes, region: TargetRegion, colours: Array, ambient: float = AMBIENT, *, brief: bool = False
+) -> None:
     """Paint the cells in given colours (n, 3), lit from the north-west so that relief shows; not with `ambient` 1."""
     east, north, _ = region.axes_A
     lamp = unit(region.area @ region.normal_A) + 0.5 * north - 0.4 * east
     shaded = shade(colours, region.normal_A, lamp, ambient)
     bordered = region.n_cells <= MAX_BORDERED
-    ax.add_collection(
-        triangles(
-            flat_cells(region),
-            facecolors=shaded,
-            edgecolors="white" if bordered else shaded,
-            linewidths=0.5 if bordered else 0.2,
-            zorder=1,
-        )
-    )
+    edges, width = ("white", 0.5) if bordered else (shaded, 0.2)
+    cells = triangles(flat_cells(region), facecolors=shaded, edgecolors=edges, linewidths=width, zorder=1)
+    ax.add_collection(cells)
     ax.set_aspect("equal")
     ax.autoscale_view()
     ax.margins(0.07)
-    name_targets(ax, region)
+    finish_cells(ax, region, brief=brief)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +19,7 @@ from matplotlib.transforms import Bbox
 from swarm_mj.designer.study import Study, describe
 from swarm_mj.figures.cells import draw_cells
 from swarm_mj.figures.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILLION
-from swarm_mj.figures.style import HALO, TICK_PT, caption, label, new_figure, plain, tidy, write
+from swarm_mj.figures.style import HALO, TICK_PT, annotate, caption, label, new_figure, plain, tidy, write
 from swarm_mj.mission.target import angles
 from swarm_mj.scenarios.itinerary import target_name
 
@@ -56,7 +57,8 @@ def compose_history(study: Study) -> Figure:
 
 def compose_gene_map(study: Study) -> Figure:
     """Figures 5 and 8: the gene map of a design, and the selected design in it."""
-    points = [describe(study.visibility.candidates[p - 1], study.visibility) for p in study.selected]
+    seen = study.visibility
+    points = [describe(seen.candidates[p - 1], seen) for p in study.selected]
     # What was chosen besides the point stands below it.
     shown = [fill(words, 12) for words in points[:MAX_GENES]]
     more = "" if len(shown) == len(points) else f" (first {len(shown)} of {len(points)} points)"
@@ -68,7 +70,8 @@ def compose_gene_map(study: Study) -> Figure:
     rows = [
         ["observing\nspacecraft"] + [f"spacecraft {k}\nvisits point" for k in numbers],
         ["$N_{Obs}$"] + [f"$p_{{{k}}}$" for k in numbers],
-        [f"1 to {study.problem.max_observers}"] + [f"1 to {_points_of(study)}"] * len(shown),
+        [f"1 to {study.problem.max_observers}"]
+        + [f"1 to {max(candidate.point for candidate in seen.candidates)}"] * len(shown),
         [str(len(points)), *shown],
     ]
     heads = ["description", "symbol", "domain", "selected"]
@@ -84,11 +87,6 @@ def compose_gene_map(study: Study) -> Figure:
     return figure
 
 
-def _points_of(study: Study) -> int:
-    """Highest number of a visiting point."""
-    return max(candidate.point for candidate in study.visibility.candidates)
-
-
 def compose_cover(study: Study) -> Figure:
     """Each target as seen from the body's centre: how many of the chosen spacecraft see each cell."""
     whole = study.visibility.region
@@ -101,16 +99,12 @@ def compose_cover(study: Study) -> Figure:
         part = np.minimum(times[whole.cells_of(k)], len(TIMES_SEEN) - 1)
         draw_cells(ax, region, np.array([to_rgb(TIMES_SEEN[n]) for n in part]))
         _draw_points(ax, study, k)
-        tidy(ax)
-        ax.grid(False)
         if len(regions) > 1:
             caption(ax, f"target {target_name(k)}")
-        label(ax, "angle east of the target's centre [deg]", "angle north of the target's centre [deg]")
     words = ("not seen", "seen by 1", "by 2", "by 3 or more")
     handles: list[Patch | Line2D] = [Patch(color=c, label=w) for c, w in zip(TIMES_SEEN, words, strict=True)]
-    handles.append(
-        Line2D([], [], marker="o", linestyle="", color=VERMILLION, markeredgecolor="white", label="visited point")
-    )
+    spot: dict[str, Any] = {"marker": "o", "linestyle": "", "color": VERMILLION, "markeredgecolor": "white"}
+    handles.append(Line2D([], [], label="visited point", **spot))
     figure.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=TICK_PT, frameon=False)
     return figure
 
@@ -121,12 +115,8 @@ def _draw_points(ax: Axes, study: Study, target: int) -> None:
     ax.plot(*flat.T, "o", color=BLACK, markersize=1.8)
     chosen = [study.visibility.candidates[p - 1] for p in study.selected]
     for number in sorted({c.point for c in chosen if c.target == target}):
-        east, north = (float(a) for a in flat[number - 1])
-        ax.plot(east, north, "o", color=VERMILLION, markersize=8, markeredgecolor="white")
-        text = ax.annotate(
-            str(number), (east, north), xytext=(0, 8), textcoords="offset points", ha="center", fontweight="bold"
-        )
-        text.set(path_effects=HALO)
+        ax.plot(*flat[number - 1], "o", color=VERMILLION, markersize=8, markeredgecolor="white")
+        annotate(ax, str(number), flat[number - 1], (0.0, 8.0), va="baseline", fontweight="bold", path_effects=HALO)
 
 
 def compose_pareto(study: Study) -> Figure:
@@ -139,15 +129,9 @@ def compose_pareto(study: Study) -> Figure:
     cycle = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY_BLUE, BLACK, GREY)
     markers = "osD^vP*X<>"
     for k, n in enumerate(numbers):
-        same = front.n_observers == n
-        ax.plot(
-            front.delta_v[same],
-            100.0 - front.uncovered_percent[same],
-            markers[k % len(markers)],
-            color=cycle[k % len(cycle)],
-            markersize=4.5,
-            label=str(n),
-        )
+        same, marker, colour = front.n_observers == n, markers[k % len(markers)], cycle[k % len(cycle)]
+        x, y = front.delta_v[same], 100.0 - front.uncovered_percent[same]
+        ax.plot(x, y, marker, color=colour, markersize=4.5, label=str(n))
     tolerance = study.problem.tolerance_percent
     ax.axhline(100.0 - tolerance, color=BLACK, linestyle="--", linewidth=0.9)
     ax.annotate("covered within the tolerance", (0.99, 100.0 - tolerance), xycoords=("axes fraction", "data"), ha="right",
@@ -155,14 +139,9 @@ def compose_pareto(study: Study) -> Figure:
     ax.set_ylim(min(0.0, float((100.0 - front.uncovered_percent).min())), 106.0)
     tidy(ax)
     label(ax, "deployment delta-v of all observers [m/s]", "observed share of the target [%]")
-    figure.legend(
-        title="observers",
-        loc="outside right center",
-        ncols=1 + (len(numbers) - 1) // MAX_ENTRIES,
-        fontsize=TICK_PT,
-        frameon=False,
-        title_fontsize=TICK_PT,
-    )
+    look: dict[str, Any] = {"fontsize": TICK_PT, "title_fontsize": TICK_PT, "frameon": False}
+    columns = 1 + (len(numbers) - 1) // MAX_ENTRIES
+    figure.legend(title="observers", loc="outside right center", ncols=columns, **look)
     return figure
 
 

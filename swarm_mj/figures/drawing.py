@@ -17,15 +17,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swarm_mj.io import workers
+from swarm_mj.io.atomic import FIGURES
 from swarm_mj.io.machine import usable_cores
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from swarm_mj.figures.run_figures import Compose
     from swarm_mj.flight.observe import ObservationResult
     from swarm_mj.flight.plan import Plan
 
 Progress = Callable[[float], None]
+
+#: Figures that not every flight has something for, and whether one has; the others are always drawn.
+OPTIONAL: dict[str, Callable[[xr.Dataset], bool]] = {
+    "propulsion": lambda flown: "delta_v_m_s" in flown and bool((flown["delta_v_m_s"].values[-1] > 0.0).any()),
+    "formation": lambda flown: "formation_error" in flown,
+}
 
 #: More processes than these wait for the slowest figure, and each takes its memory.
 MAX_WORKERS = 6
@@ -33,6 +41,18 @@ MAX_WORKERS = 6
 SLOWEST = ("footprints", "illumination", "operation", "ground_track", "pointing_error")
 #: What processes that draw have loaded.
 PRELOADED = ("swarm_mj.figures.preloaded",)
+
+
+def figures_of(telemetry: xr.Dataset) -> tuple[str, ...]:
+    """Stems of the figures that are drawn of a flight, in their order: those that would have nothing to show are not."""
+    return tuple(name for name in FIGURES["run"] if name not in OPTIONAL or OPTIONAL[name](telemetry))
+
+
+def composers(telemetry: xr.Dataset) -> dict[str, Compose]:
+    """What composes the figures of a flight, by file stem."""
+    from swarm_mj.figures.run_figures import COMPOSERS
+
+    return {name: COMPOSERS[name] for name in figures_of(telemetry)}
 
 
 def prepare_drawing() -> None:
@@ -51,21 +71,13 @@ def draw_all(
     pdf: bool = False,
     progress: Progress | None = None,
 ) -> None:
-    """Write the figures of a run into a folder: by processes on all cores; on one core here, one after another.
+    """Write the figures of a run into a folder as NAME.png: by processes on all cores; on one core here, one after another.
 
-    Args:
-        folder: Where, as NAME.png.
-        plan: What was flown.
-        telemetry: How.
-        result: What was observed.
-        pdf: Whether to write NAME.pdf too.
-        progress: Told how many are done.
+    With `pdf` NAME.pdf is written too; `progress` is told how many are done.
 
     Raises:
         SwarmError: A process that drew died.
     """
-    from swarm_mj.figures.optional_figures import figures_of
-
     names = figures_of(telemetry)
     for count, _ in enumerate(_drawn(names, (folder.resolve(), plan, telemetry, result, pdf))):
         if progress is not None:

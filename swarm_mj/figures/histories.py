@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from swarm_mj.figures.palette import BLACK, BLUE, COMPONENTS, DASHES, ORANGE, SKY_BLUE, VERMILLION
-from swarm_mj.figures.panels import Panels, compose_panels
+from swarm_mj.figures.panels import compose_panels
 from swarm_mj.figures.timescale import time_scale
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
@@ -24,6 +24,8 @@ FLOOR = -8
 MILLI = 1e-3
 #: Of the components x, y, z, or of the wheels, of which there may be a fourth.
 COLOURS = (*COMPONENTS, SKY_BLUE)
+#: How a limit is drawn.
+LIMIT: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.1, "linestyle": (0, (6, 2))}
 
 
 def compose_tracking_error(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
@@ -31,14 +33,15 @@ def compose_tracking_error(plan: Plan, telemetry: xr.Dataset, result: Observatio
     names = [rf"$\sigma_{{{k}}}$" for k in (1, 2, 3)]
     values = _after_release(telemetry, telemetry["sigma_BR"].values)
     reach = _reach(values, at_least=0.02)
-    panels = Panels(
+    return compose_panels(
+        plan,
+        telemetry,
         title="MRP tracking errors",
         y_label=r"tracking error $\sigma_{B/R}$ [-]",
         draw=_components(plan, telemetry, values),
         limits=(-reach, reach),
         handles=_handles(names),
     )
-    return compose_panels(plan, telemetry, panels)
 
 
 def compose_wheel_speed(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
@@ -50,61 +53,55 @@ def compose_wheel_speed(plan: Plan, telemetry: xr.Dataset, result: ObservationRe
     def draw(ax: Axes, j: int) -> None:
         curves(ax, j)
         for bound in (-limit, limit):
-            ax.axhline(bound, color=VERMILLION, linewidth=1.1, linestyle=(0, (6, 2)))
+            ax.axhline(bound, **LIMIT)
 
     reach = max(1.08 * limit, _reach(values, at_least=0.0))
-    bound = Line2D([], [], color=VERMILLION, linewidth=1.1, linestyle=(0, (6, 2)), label=f"limit, {limit:,.0f} rpm")
-    panels = Panels(
+    bound = Line2D([], [], label=f"limit, {limit:,.0f} rpm", **LIMIT)
+    return compose_panels(
+        plan,
+        telemetry,
         title="Reaction wheel speeds",
         y_label="wheel speed [rpm]",
         draw=draw,
         limits=(-reach, reach),
         handles=[*_handles([f"wheel {k}" for k in telemetry["wheel"].values]), bound],
     )
-    return compose_panels(plan, telemetry, panels)
 
 
 def compose_wheel_momentum(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """Angular momentum that the wheels hold, that of the turning body, and their sum, which only outer torques change."""
     body, wheels = angular_momenta_B(telemetry, plan.properties)
     limit = plan.properties.wheel_spin_inertia * plan.properties.max_wheel_speed / MILLI
+    total, words = body + wheels, r"sum, $|J\omega + h_w|$"
     styles: list[tuple[Array, dict[str, Any]]] = [
         (body, {"color": ORANGE, "linewidth": 1.2, "linestyle": DASHES[1], "label": r"body, $|J\omega|$"}),
         (wheels, {"color": BLUE, "linewidth": 1.6, "label": "wheels, $|h_w|$"}),
-        (
-            body + wheels,
-            {"color": BLACK, "linewidth": 1.2, "linestyle": (0, (2, 2)), "label": r"sum, $|J\omega + h_w|$"},
-        ),
+        (total, {"color": BLACK, "linewidth": 1.2, "linestyle": (0, (2, 2)), "label": words}),
     ]
     curves = [(np.linalg.norm(part, axis=-1) / MILLI, style) for part, style in styles]
     some, times = _drawn(plan, telemetry)
-    bound: dict[str, Any] = {
-        "color": VERMILLION,
-        "linewidth": 1.1,
-        "linestyle": (0, (6, 2)),
-        "label": "limit of one wheel",
-    }
+    bound = {**LIMIT, "label": "limit of one wheel"}
 
     def draw(ax: Axes, j: int) -> None:
         for values, style in curves:
             ax.plot(times, values[some, j], **style)
         ax.axhline(limit, **bound)
 
-    panels = Panels(
+    return compose_panels(
+        plan,
+        telemetry,
         title="Momentum of wheels and body",
         y_label="angular momentum [mN m s]",
         draw=draw,
         limits=(0.0, 1.08 * max(limit, *(float(values.max()) for values, _ in curves))),
         handles=[Line2D([], [], **style) for style in (*(style for _, style in curves), bound)],
     )
-    return compose_panels(plan, telemetry, panels)
 
 
 def angular_momenta_B(telemetry: xr.Dataset, properties: SpacecraftProperties) -> tuple[Array, Array]:
-    """Angular momentum about the centre of mass in B: of the body with locked wheels, J omega, and of the wheels' spin, h_w.
+    """Angular momentum about the centre of mass in B, J omega of the body with locked wheels and h_w of the wheels' spin.
 
-    Returns:
-        Two arrays of shape (time, spacecraft, 3) [N m s].
+    Each of shape (time, spacecraft, 3) [N m s].
     """
     body = telemetry["omega_BN_B"].values @ properties.inertia_B.T
     wheels = properties.wheel_spin_inertia * telemetry["wheel_speed"].values @ properties.wheel_axes_B
@@ -122,7 +119,9 @@ def compose_pointing_error(plan: Plan, telemetry: xr.Dataset, result: Observatio
     floored = f" (drawn at $10^{{{FLOOR}}}$ deg where below)" if (error <= 10.0**FLOOR).any() else ""
     name = f"pointing error{floored}"
     low, high = np.log10(np.nanmin(error)) - 0.3, np.log10(max(np.nanmax(error), 1.0)) + 0.3
-    panels = Panels(
+    return compose_panels(
+        plan,
+        telemetry,
         title="Pointing errors",
         y_label="angle between +z and line of sight [deg]",
         draw=draw,
@@ -130,7 +129,6 @@ def compose_pointing_error(plan: Plan, telemetry: xr.Dataset, result: Observatio
         handles=[Line2D([], [], color=BLUE, linewidth=1.2, label=name)],
         log=True,
     )
-    return compose_panels(plan, telemetry, panels)
 
 
 def _components(plan: Plan, telemetry: xr.Dataset, values: Array) -> Callable[[Axes, int], None]:

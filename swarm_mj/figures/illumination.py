@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from swarm_mj.figures.cells import flat_cells, name_targets
+from swarm_mj.figures.cells import finish_cells, flat_cells
 from swarm_mj.figures.palette import (
     BLACK,
     GREY,
@@ -33,7 +33,6 @@ from swarm_mj.figures.style import (
     new_figure,
     note_of_omission,
     shown_spacecraft,
-    tidy,
 )
 from swarm_mj.figures.timescale import TimeScale, time_scale
 from swarm_mj.figures.units import instant, time_axis
@@ -64,11 +63,8 @@ class Angles(NamedTuple):
 def compose_illumination(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """Mean angles over the target by time, and the angles at its cells at the arrival."""
     shown = shown_spacecraft(plan.n_observers)
-    figure = new_figure(
-        7.4,
-        f"Light on the target: {plan.scenario.name}{note_of_omission(plan.n_observers, shown)}",
-        width_in=11.0,
-    )
+    title = f"Light on the target: {plan.scenario.name}{note_of_omission(plan.n_observers, shown)}"
+    figure = new_figure(7.4, title, width_in=11.0)
     grid = figure.subplots(2, 3, height_ratios=(1.0, 1.15))
     scale = time_scale(plan, telemetry)
     _draw_histories(grid[0], plan, telemetry, shown, scale)
@@ -83,13 +79,9 @@ def compose_illumination(plan: Plan, telemetry: xr.Dataset, result: ObservationR
 
 
 def cell_angles(centroid_A: Array, normal_A: Array, sun_A: Array, r_A: Array) -> Angles:
-    """Incidence, emission and phase at cells.
+    """Incidence, emission and phase at cells, whose centroids (n, 3) [m] and outward unit normals (n, 3) are given in A.
 
-    Args:
-        centroid_A: Centroids of the cells, shape (n, 3) [m].
-        normal_A: Their outward unit normals, shape (n, 3).
-        sun_A: Position of the Sun, shape (3,) [m].
-        r_A: Position of the spacecraft, shape (3,) [m].
+    `sun_A` and `r_A` are the places of the Sun and of the spacecraft, shape (3,) [m].
     """
     to_sun, to_camera = (_unit(place - centroid_A) for place in (sun_A, r_A))
     return Angles(_between(normal_A, to_sun), _between(normal_A, to_camera), _between(to_sun, to_camera))
@@ -136,14 +128,10 @@ def _draw_histories(
 
 
 def _finish_history(ax: Axes, name: str, scale: TimeScale) -> None:
-    scale.draw_arrival(ax, zorder=2.0)
-    scale.show(ax, brief=True)
-    scale.draw_borders(ax)
+    scale.draw(ax, zorder=2.0, brief=True)
     top = 30 * max(3, int(np.ceil(ax.dataLim.y1 / 30.0)))
     ax.set_ylim(0.0, top)
     ax.set_yticks(range(0, top + 1, 30))
-    tidy(ax)
-    scale.name(ax)
     label(ax, y=f"{name} [deg]")
     unseen = {"incidence": "above 90\N{DEGREE SIGN}: night", "emission": "above 90\N{DEGREE SIGN}: out of sight"}
     caption(ax, f"{name} by time" + (f" ({unseen[name]})" if name in unseen else ""))
@@ -162,10 +150,7 @@ def _draw_maps(figure: Figure, row: NDArray[np.object_], plan: Plan, telemetry: 
         ax.add_collection(cells)
         ax.set_aspect("equal")
         ax.autoscale_view()
-        name_targets(ax, region)
-        tidy(ax)
-        ax.grid(False)
-        label(ax, "angle east [deg]", "angle north [deg]")
+        finish_cells(ax, region, brief=True)
         mean = float(np.average(values, weights=region.area))
         caption(ax, f"{name}\nt = {when}, mean {mean:.1f}\N{DEGREE SIGN}")
         bar = figure.colorbar(cells, cax=ax.inset_axes((1.03, 0.0, 0.05, 1.0)))

@@ -64,11 +64,9 @@ class Ground:
 
     def every(self, step: int) -> Ground:
         """The same of every so many places along both axes."""
+        face, points_A = self.face[::step, ::step], self.points_A[::step, ::step]
         return Ground(
-            longitudes=self.longitudes[::step],
-            latitudes=self.latitudes[::step],
-            face=self.face[::step, ::step],
-            points_A=self.points_A[::step, ::step],
+            longitudes=self.longitudes[::step], latitudes=self.latitudes[::step], face=face, points_A=points_A
         )
 
 
@@ -80,10 +78,7 @@ def whole_body(centre_longitude: float) -> MapExtent:
 def survey(body: ShapeModel, window: MapExtent, columns: int) -> Ground:
     """Find the ground below a grid of places, by rays from outside towards the body's centre.
 
-    Args:
-        body: The mesh in A [m].
-        window: What to cover.
-        columns: Places along a parallel; as many along a meridian as keep the spacing in degrees.
+    `columns`: places along a parallel; as many along a meridian as keep the spacing in degrees.
     """
     tracer = tracer_of(body)
     width, height = window.east - window.west, window.north - window.south
@@ -114,13 +109,12 @@ def latitude_longitude(points_A: Array, centre_longitude: float = 0.0) -> tuple[
     return np.degrees(np.arctan2(z, np.hypot(x, y))), centre_longitude + (longitude + 180.0) % 360.0 - 180.0
 
 
-def target_outlines(region: TargetRegion) -> list[Array]:
-    """The same of every target of a region."""
-    return [target_outline(target) for target in region.targets]
+def target_outlines(region: TargetRegion, per_side: int = 60) -> list[Array]:
+    """Directions along the border of each target of a region, closed lines of shape (4 per_side + 1, 3)."""
+    return [_outline(target, per_side) for target in region.targets]
 
 
-def target_outline(region: TargetRegion, per_side: int = 60) -> Array:
-    """Directions along the border of a target, a closed line, shape (4 per_side + 1, 3)."""
+def _outline(region: TargetRegion, per_side: int) -> Array:
     reach = np.tan(region.side_half_angle)
     corners = reach * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
     share = np.linspace(0.0, 4.0, 4 * per_side + 1)
@@ -137,19 +131,9 @@ def paint(ax: Axes, ground: Ground, body: ShapeModel, colours: Array, lamp_A: Ar
     level = np.einsum("...i,...i", outward, body.face_normals[ground.face])
     brightness = 1.0 - relief * (1.0 - np.clip(level, 0.0, 1.0))
     picture = shade(colours, body.face_normals, lamp_A, AMBIENT)[ground.face] * brightness[..., None]
-    half_x, half_y = (0.5 * (places[1] - places[0]) for places in (ground.longitudes, ground.latitudes))
-    ax.imshow(
-        np.nan_to_num(picture, nan=1.0),
-        origin="lower",
-        extent=(
-            ground.longitudes[0] - half_x,
-            ground.longitudes[-1] + half_x,
-            ground.latitudes[0] - half_y,
-            ground.latitudes[-1] + half_y,
-        ),
-        interpolation="nearest",
-        zorder=0,
-    )
+    sides = [(a[0] - 0.5 * (a[1] - a[0]), a[-1] + 0.5 * (a[1] - a[0])) for a in (ground.longitudes, ground.latitudes)]
+    extent = (*sides[0], *sides[1])
+    ax.imshow(np.nan_to_num(picture, nan=1.0), origin="lower", extent=extent, interpolation="nearest", zorder=0)
 
 
 def draw_track(ax: Axes, points_A: Array, centre_longitude: float, **style: Any) -> None:
@@ -178,10 +162,7 @@ def name_map(ax: Axes, window: MapExtent) -> None:
     ax.set_xlim(window.west, window.east)
     ax.set_ylim(window.south, window.north)
     width, height = window.east - window.west, window.north - window.south
-    if width > 4.0 * height:  # a cap around a pole would be a thread
-        ax.set_aspect("auto")
-    else:
-        ax.set_aspect(1.0 / map_aspect(window))
+    ax.set_aspect("auto" if width > 4.0 * height else 1.0 / map_aspect(window))  # a cap around a pole would be a thread
     wide = width > WIDE_DEG
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(MaxNLocator(7, steps=[3, 4.5, 6, 9] if wide else [1, 2, 5, 10]))

@@ -65,31 +65,15 @@ def width_pt(text: str) -> float:
 
 def name_mode(ax: Axes, run: Run, scale: TimeScale, y: float, **place: Any) -> None:
     """Write the abbreviation of a mode in the middle of its stretch, at height y."""
-    ax.text(
-        scale.middle(run.start, run.end) / scale.axis.seconds,
-        y,
-        MODE_STYLES[run.mode].abbreviation,
-        ha="center",
-        va="center",
-        fontsize=SMALL_PT,
-        fontweight="bold",
-        path_effects=HALO,
-        **INSIDE,
-        **place,
-    )
+    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": SMALL_PT, "fontweight": "bold"}
+    x = scale.middle(run.start, run.end) / scale.axis.seconds
+    ax.text(x, y, MODE_STYLES[run.mode].abbreviation, path_effects=HALO, **style, **INSIDE, **place)
 
 
 def mode_handles(telemetry: xr.Dataset, shown: Indices) -> list[Patch]:
     """Legend entries of the modes that occur among the spacecraft that are shown."""
-    return [
-        Patch(
-            facecolor=MODE_STYLES[mode].colour,
-            edgecolor=GREY,
-            linewidth=0.5,
-            label=MODE_STYLES[mode].words,
-        )
-        for mode in np.unique(modes_shown(telemetry)[:, shown])
-    ]
+    styles = [MODE_STYLES[mode] for mode in np.unique(modes_shown(telemetry)[:, shown])]
+    return [Patch(facecolor=one.colour, edgecolor=GREY, linewidth=0.5, label=one.words) for one in styles]
 
 
 def mark_handles(telemetry: xr.Dataset, shown: Indices) -> list[Line2D]:

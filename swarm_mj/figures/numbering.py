@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from swarm_mj.figures.style import HALO, INSIDE, TICK_PT
+from swarm_mj.figures.style import HALO, INSIDE, TICK_PT, annotate
 from swarm_mj.typing import Array
 
 #: Distances between a place and its number that are tried [pt], and directions.
@@ -37,15 +37,10 @@ def number_beside(
     lines: Sequence[Array] = (),
     marked: bool = True,
 ) -> None:
-    """Write a number beside each place; the axes' limits must be set.
+    """Write a number beside each place (n, 2) in the axes' units; the axes' limits must be set.
 
-    Args:
-        ax: Where to draw.
-        places: In the axes' units, shape (n, 2).
-        colours: Of the numbers.
-        numbers: Counted from 0, written from 1; by default in order.
-        lines: What numbers should not cross, each a line of points in the axes' units, shape (m, 2).
-        marked: Whether there are markers at the places.
+    `numbers` are counted from 0, written from 1, by default in order; they should not cross `lines`, each (m, 2) in the axes'
+    units. `marked`: whether there are markers at the places.
     """
     order = range(len(places)) if numbers is None else numbers
     for j, place, offset, colour in zip(order, places, _offsets(ax, places, lines, marked), colours, strict=True):
@@ -61,31 +56,9 @@ def name_beside(
     colour: str,
     leader: dict[str, Any] | None = None,
 ) -> None:
-    """Write a short text beside a place, bold and in front of what is drawn.
-
-    Args:
-        ax: Where to draw.
-        place: In the axes' units, shape (2,).
-        text: What to write.
-        offset_pt: Of the text's middle from the place, right and up [pt].
-        colour: Of the text.
-        leader: Properties of the line that joins the text to its place; None: no line.
-    """
-    ax.annotate(
-        text,
-        (float(place[0]), float(place[1])),
-        xytext=(float(offset_pt[0]), float(offset_pt[1])),
-        textcoords="offset points",
-        ha="center",
-        va="center",
-        fontsize=TICK_PT + 1,
-        fontweight="bold",
-        color=colour,
-        path_effects=HALO,
-        zorder=7,
-        arrowprops=leader,
-        **INSIDE,
-    )
+    """Write a short text beside a place, bold and in front of what is drawn; `leader`: how a line that joins them looks."""
+    style: dict[str, Any] = {"fontsize": TICK_PT + 1, "fontweight": "bold", "color": colour, "path_effects": HALO}
+    annotate(ax, text, place, offset_pt, zorder=7, arrowprops=leader, **style, **INSIDE)
 
 
 def _leader(colour: str) -> dict[str, Any]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from math import ceil
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -32,47 +32,42 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.typing import Array, Indices
 
 
-@dataclass(frozen=True, kw_only=True)
-class Panels:
-    """What a figure of small multiples shows.
+def compose_panels(
+    plan: Plan,
+    telemetry: xr.Dataset,
+    *,
+    title: str,
+    y_label: str,
+    draw: Callable[[Axes, int], None],
+    limits: tuple[float, float],
+    handles: Sequence[Line2D],
+    log: bool = False,
+) -> Figure:
+    """Build a figure of small multiples.
 
-    Attributes:
-        title: Of the figure.
-        y_label: Quantity and unit.
-        draw: Draws the curves of one spacecraft: (axes, its number from 0).
-        limits: Of the vertical axis; above them there is room for the band that names the modes.
-        handles: Legend entries of the curves.
-        log: Whether the vertical axis is logarithmic.
+    `draw` draws the curves of one spacecraft: (axes, its number from 0), `handles` are their legend entries. Above the limits
+    of the vertical axis, which is logarithmic with `log`, there is room for the band that names the modes.
     """
-
-    title: str
-    y_label: str
-    draw: Callable[[Axes, int], None]
-    limits: tuple[float, float]
-    handles: Sequence[Line2D]
-    log: bool = False
-
-
-def compose_panels(plan: Plan, telemetry: xr.Dataset, panels: Panels) -> Figure:
-    """Build a figure of small multiples."""
     shown = shown_spacecraft(plan.n)
-    columns = _columns(len(shown))
-    rows = ceil(len(shown) / columns)
-    figure = new_figure(_height(rows), f"{panels.title}: {plan.scenario.name}{note_of_omission(plan.n, shown)}")
+    n = len(shown)
+    columns = n if n <= 3 else 2 if n == 4 else 3 if n <= 9 else 4
+    rows = ceil(n / columns)
+    height_in = 1.5 + (2.6 if rows == 1 else 1.75 * rows)
+    figure = new_figure(height_in, f"{title}: {plan.scenario.name}{note_of_omission(plan.n, shown)}")
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.set(w_pad=0.09)  # type: ignore[call-arg]
     scale = time_scale(plan, telemetry)
     for ax, j in zip(grid.flat, shown, strict=False):
-        panels.draw(ax, int(j))
+        draw(ax, int(j))
         draw_modes(ax, telemetry, int(j), scale)
         scale.draw_borders(ax)
         tidy(ax)
         caption(ax, f"{plan.names[j]}: {role(plan, int(j))}", pad=3.0)
     first = grid[0, 0]
     scale.show(first, brief=columns > 2)
-    _scale(first, panels)
+    _scale(first, *limits, log)
     for ax in list(grid.flat)[len(shown) :]:
         ax.set_visible(False)
     for column in range(columns):  # an incomplete last row leaves the panel above it as the lowest
@@ -80,18 +75,15 @@ def compose_panels(plan: Plan, telemetry: xr.Dataset, panels: Panels) -> Figure:
         lowest.tick_params(labelbottom=True)
         scale.name(lowest, brief=columns > 3)
     _leave_out_bare_axes(figure.axes)
-    figure.supylabel(panels.y_label, fontsize=LABEL_PT)
-    legend_below(
-        figure,
-        [*panels.handles, *mark_handles(telemetry, shown), *scale.border_handles(), *mode_handles(telemetry, shown)],
-    )
+    figure.supylabel(y_label, fontsize=LABEL_PT)
+    marks = [*mark_handles(telemetry, shown), *scale.border_handles(), *mode_handles(telemetry, shown)]
+    legend_below(figure, [*handles, *marks])
     return figure
 
 
-def _scale(ax: Axes, panels: Panels) -> None:
+def _scale(ax: Axes, low: float, high: float, log: bool) -> None:
     """Set the vertical axis so that the curves keep clear of the band on top, which carries no ticks."""
-    low, high = panels.limits
-    if panels.log:
+    if log:
         ax.set_yscale("log")
         ax.set_ylim(low, low * (high / low) ** (1.0 / (1.0 - BAND)))
         ax.yaxis.set_minor_locator(NullLocator())
@@ -111,29 +103,11 @@ def _leave_out_bare_axes(panels: Sequence[Axes]) -> None:
 
 def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
     """One legend for the whole figure, under everything else."""
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=_legend_columns(figure, handles),
-        fontsize=SMALL_PT + 1,
-        frameon=False,
-        handlelength=2.2,
-        columnspacing=1.8,
-    )
-
-
-def _legend_columns(figure: Figure, handles: Sequence[Artist]) -> int:
-    """As many columns as fit side by side; all get the width of the longest label at 0.075 in a letter."""
+    # As many columns as fit side by side; all get the width of the longest label at 0.075 in a letter.
     longest = max(len(str(handle.get_label())) for handle in handles)
-    return max(1, min(len(handles), int(figure.get_figwidth() / (0.6 + 0.075 * longest))))
-
-
-def _columns(n: int) -> int:
-    return n if n <= 3 else 2 if n == 4 else 3 if n <= 9 else 4
-
-
-def _height(rows: int) -> float:
-    return 1.5 + (2.6 if rows == 1 else 1.75 * rows)
+    columns = max(1, min(len(handles), int(figure.get_figwidth() / (0.6 + 0.075 * longest))))
+    look: dict[str, Any] = {"fontsize": SMALL_PT + 1, "frameon": False, "handlelength": 2.2, "columnspacing": 1.8}
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, **look)
 
 
 def spacecraft_handles(
@@ -141,12 +115,7 @@ def spacecraft_handles(
 ) -> list[Line2D]:
     """Legend entries of a line for each spacecraft shown, or of one for all where they cannot be told apart.
 
-    Args:
-        plan: What was flown.
-        shown: Numbers of the spacecraft, from 0.
-        linewidth: Of the lines [pt].
-        together: Words of the one entry for all.
-        before: What stands before each one's name.
+    Each is named after the words `before`, all `together` by those.
     """
     styles = spacecraft_styles(len(shown))
     if len(shown) > len(SPACECRAFT):

@@ -2,7 +2,7 @@
 
 Every picture is composed by a function `compose_NAME(plan, telemetry, result) -> Figure` and saved under `NAME.png`. They
 use Matplotlib's Figure objects directly: no display, no global state, so that figures can be drawn in threads. Who draws
-them for a run is told in `figures/drawing.py`, and which it has in `figures/optional_figures.py`.
+them for a run is told in `figures/drawing.py`.
 """
 
 from __future__ import annotations
@@ -14,13 +14,8 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from swarm_mj.figures.behaviors import compose_behaviors
-from swarm_mj.figures.contacts import compose_contacts
-from swarm_mj.figures.coverage import compose_coverage
-from swarm_mj.figures.data import compose_data
-from swarm_mj.figures.delivered_map import compose_delivered_map
-from swarm_mj.figures.footprints import compose_footprints
-from swarm_mj.figures.formation import compose_formation
-from swarm_mj.figures.ground_track import compose_ground_track
+from swarm_mj.figures.curves import compose_coverage, compose_formation, compose_propulsion
+from swarm_mj.figures.data import compose_data, compose_delivered_map
 from swarm_mj.figures.histories import (
     compose_pointing_error,
     compose_tracking_error,
@@ -28,20 +23,18 @@ from swarm_mj.figures.histories import (
     compose_wheel_speed,
 )
 from swarm_mj.figures.illumination import compose_illumination
-from swarm_mj.figures.links import compose_links
-from swarm_mj.figures.operation import compose_operation
-from swarm_mj.figures.optional_figures import figures_of
-from swarm_mj.figures.propulsion import compose_propulsion
+from swarm_mj.figures.links import compose_contacts, compose_links
+from swarm_mj.figures.map_figures import compose_footprints, compose_ground_track
+from swarm_mj.figures.operation import compose_operation, compose_trajectories
 from swarm_mj.figures.style import write
 from swarm_mj.figures.target import compose_target
-from swarm_mj.figures.trajectories import compose_trajectories
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
 
 Compose = Callable[[Plan, xr.Dataset, ObservationResult], Figure]
 
 
-#: File stem of every figure and what composes it; `composers` says which of them a flight has.
+#: File stem of every figure and what composes it; `figures_of` in `figures/drawing.py` says which of them a flight has.
 COMPOSERS: dict[str, Compose] = {
     "behaviors": compose_behaviors,
     "trajectories": compose_trajectories,
@@ -62,12 +55,6 @@ COMPOSERS: dict[str, Compose] = {
     "delivered_map": compose_delivered_map,
     "formation": compose_formation,
 }
-
-
-def composers(telemetry: xr.Dataset) -> dict[str, Compose]:
-    """What composes the figures that a flight has something to show in, by file stem."""
-    drawn = figures_of(telemetry)
-    return {name: compose for name, compose in COMPOSERS.items() if name in drawn}
 
 
 def draw(

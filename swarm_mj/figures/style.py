@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from PIL import Image
 
 from swarm_mj.figures.palette import GREY, LIGHT_GREY
 from swarm_mj.flight.plan import Plan
-from swarm_mj.typing import Indices
+from swarm_mj.typing import Array, Indices
 
 DPI = 150
 #: Of what a PDF cannot hold as lines: shaded bodies and maps.
@@ -77,6 +78,12 @@ def label(ax: Axes, x: str | None = None, y: str | None = None) -> None:
         ax.set_ylabel(y, fontsize=LABEL_PT)
 
 
+def annotate(ax: Axes, text: str, place: Array, offset_pt: Sequence[float] | Array, **style: Any) -> None:
+    """Write a text at an offset [pt] from a place (2,) in the axes' units; centred there unless `style` says otherwise."""
+    at, offset = (float(place[0]), float(place[1])), (float(offset_pt[0]), float(offset_pt[1]))
+    ax.annotate(text, at, xytext=offset, textcoords="offset points", **{"ha": "center", "va": "center", **style})
+
+
 def caption(ax: Axes, text: str, *, size: float = TICK_PT, pad: float | None = None) -> None:
     """A line of text over the left end of axes above which no ticks or scales stand."""
     ax.set_title(text, fontsize=size, loc="left", pad=pad, y=1.0)  # where it is put: no search for a free height
@@ -107,10 +114,7 @@ def write(figure: Figure, path: Path, *, pdf: bool) -> None:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a PNG or a PDF, as the path's suffix says, under a temporary name, then rename it.
-
-    Equal figures give equal bytes.
-    """
+    """Write a PNG or a PDF, as the path says, under a temporary name that is then changed; equal figures give equal bytes."""
     partial = path.with_name(f".{path.name}.partial")
     try:
         with _RENDERING:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from textwrap import shorten
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -14,11 +15,11 @@ from matplotlib.patches import Patch
 
 from swarm_mj.figures.box import box_around, draw_box, keep_inside
 from swarm_mj.figures.cells import draw_cells, flat_offsets
-from swarm_mj.figures.framing import WIDER
 from swarm_mj.figures.numbering import POINTS_PER_INCH
 from swarm_mj.figures.palette import BLACK, ORANGE, VERMILLION
 from swarm_mj.figures.panels import legend_below
-from swarm_mj.figures.style import HALO, INSIDE, SMALL_PT, TICK_PT, caption, label, new_figure, plain, tidy
+from swarm_mj.figures.scene import WIDER
+from swarm_mj.figures.style import HALO, INSIDE, SMALL_PT, TICK_PT, annotate, caption, new_figure, plain
 from swarm_mj.figures.view import draw_body, draw_line, draw_points, face_colours, views_of, visible_share
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
@@ -121,9 +122,6 @@ def _draw_close_up(ax: Axes, plan: Plan) -> tuple[str, bool]:
     numbers = np.concatenate([np.arange(region.targets[k].n_visiting) + 1 for k in targets])
     ax.plot(*flat[~visited].T, "o", color=BLACK, markersize=2.5)
     ax.plot(*flat[visited].T, "o", color=VERMILLION, markersize=7, markeredgecolor="white")
-    tidy(ax)
-    ax.grid(False)
-    label(ax, "angle east of the target's centre [deg]", "angle north of the target's centre [deg]")
     caption(ax, f"the {len(flat)} visiting points, seen from the body's centre")
     numbered = _number_points(ax, flat, visited, numbers)
     words = ", with their numbers" if numbered[visited].all() else ", numbered where there is room"
@@ -146,17 +144,8 @@ def _number_points(ax: Axes, flat: Array, visited: Mask, numbers: Indices) -> Ma
 
 
 def _number(ax: Axes, number: int, place: Array, *, bold: bool) -> None:
-    ax.annotate(
-        str(number),
-        (float(place[0]), float(place[1])),
-        xytext=(0.0, 5.0 if not bold else 8.0),
-        textcoords="offset points",
-        ha="center",
-        va="center_baseline",
-        fontsize=TICK_PT + 1 if bold else SMALL_PT - 0.5,
-        fontweight="bold" if bold else "normal",
-        color=VERMILLION if bold else BLACK,
-        path_effects=HALO,
-        zorder=6 if bold else 4,
-        **INSIDE,
-    )
+    style: dict[str, Any] = {"fontsize": SMALL_PT - 0.5, "color": BLACK, "zorder": 4}
+    if bold:
+        style = {"fontsize": TICK_PT + 1, "fontweight": "bold", "color": VERMILLION, "zorder": 6}
+    offset_pt = (0.0, 8.0 if bold else 5.0)
+    annotate(ax, str(number), place, offset_pt, va="center_baseline", path_effects=HALO, **style, **INSIDE)

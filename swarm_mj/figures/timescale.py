@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
 from swarm_mj.figures.palette import GREY
-from swarm_mj.figures.style import ARRIVAL_DASHES, TICK_PT, label
+from swarm_mj.figures.style import ARRIVAL_DASHES, TICK_PT, label, tidy
 from swarm_mj.figures.units import TimeAxis, instant, time_axis
 from swarm_mj.flight.plan import Plan
 from swarm_mj.scenarios.itinerary import arrival_times
@@ -75,6 +75,14 @@ class TimeScale:
             return np.arange(len(times))
         wanted = self.from_page(np.linspace(0.0, 1.0, limit))
         return np.unique(np.clip(np.searchsorted(times, wanted), 0, len(times) - 1))
+
+    def draw(self, ax: Axes, colour: str = GREY, *, zorder: float = 1.5, brief: bool = False) -> None:
+        """Mark arrival and borders, and let the horizontal axis span the flight and say so, in the common look."""
+        self.draw_arrival(ax, colour, zorder=zorder)
+        self.show(ax, brief=brief)
+        self.draw_borders(ax)
+        tidy(ax)
+        self.name(ax)
 
     def show(self, ax: Axes, *, brief: bool = False) -> None:
         """Let the horizontal axis, which is in `axis` units, span the flight; briefly: with few marks."""
@@ -157,7 +165,9 @@ class TimeScale:
             (start - self.arrival_s) / inner.seconds, (end - self.arrival_s) / inner.seconds
         )
         inside = [] if brief else [float(tick) for tick in sorted(around, key=abs) if tick]
-        for t, word in [(self.arrival_s + tick * inner.seconds, f"{_signed(tick)} {inner.unit}") for tick in inside]:
+        for t, word in [
+            (self.arrival_s + tick * inner.seconds, f"{tick:+g} {inner.unit}".replace("-", MINUS)) for tick in inside
+        ]:
             if start <= t <= end and self._is_clear(t, word, marks, width_in):
                 marks.append((t, word))
         locator = MaxNLocator(2 if brief else 4, steps=[1, 2, 5, 10])
@@ -177,10 +187,6 @@ class TimeScale:
         )
 
 
-def _signed(tick: float) -> str:
-    return f"{tick:+g}".replace("-", MINUS)
-
-
 def arrival_handle(colour: str) -> Line2D:
     """Legend entry of what `TimeScale.draw_arrival` draws."""
     return Line2D([], [], color=colour, linewidth=1.0, linestyle=ARRIVAL_DASHES, label="arrival")
@@ -198,13 +204,9 @@ def time_scale(plan: Plan, telemetry: xr.Dataset) -> TimeScale:
 
 
 def delivery_scale(plan: Plan, telemetry: xr.Dataset, busy_s: float, end_s: float) -> TimeScale:
-    """The time axis that suits a flight and what comes after it: the part in which something happens is drawn wider if short.
+    """The time axis that suits a flight and what comes after it until `end_s`.
 
-    Args:
-        plan: What was flown.
-        telemetry: The flight.
-        busy_s: Until when data move [s]: that part, or else the flight or its encounter alone, is drawn wider.
-        end_s: End of the axis [s].
+    If it is short, the part until `busy_s`, while data move, is drawn wider, or else the flight or its encounter alone.
     """
     flight = time_scale(plan, telemetry)
     start, end = flight.encounter_s or (0.0, flight.duration_s)

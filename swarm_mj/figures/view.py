@@ -34,11 +34,7 @@ ZORDER_BODY, ZORDER_LINES, ZORDER_POINTS = 3.0, 4.0, 5.0
 
 @dataclass(frozen=True)
 class View:
-    """A direction to look from.
-
-    Attributes:
-        axes: Unit vectors to the right, upwards and towards the viewer, as rows, shape (3, 3).
-    """
+    """A direction to look from: unit vectors to the right, upwards and towards the viewer as rows of `axes`, shape (3, 3)."""
 
     axes: Array
 
@@ -123,18 +119,8 @@ def draw_body(ax: Axes, view: View, body: ShapeModel, colours: Array) -> None:
     lamp = np.array([-0.45, 0.55, 0.7]) @ view.axes
     shaded = shade(colours[front], body.face_normals[front], lamp)
     corners = view.project(body.vertices[body.faces[front]])
-    ax.add_collection(
-        triangles(
-            corners,
-            facecolors=shaded,
-            edgecolors=0.93 * shaded,
-            linewidths=0.25,
-            zorder=ZORDER_BODY,
-            closed=True,
-            rasterized=True,
-        ),
-        autolim=False,
-    )
+    style: dict[str, Any] = {"edgecolors": 0.93 * shaded, "linewidths": 0.25, "zorder": ZORDER_BODY}
+    ax.add_collection(triangles(corners, facecolors=shaded, closed=True, rasterized=True, **style), autolim=False)
 
 
 def triangles(corners: Array, **style: Any) -> PolyCollection:

@@ -134,13 +134,7 @@ def _known(value: float, digits: int) -> float | None:
 
 
 def remedy(plan: Plan, delivery: Delivery, part: Undelivered) -> str:
-    """What would let a part of the map arrive.
-
-    Args:
-        plan: What was flown.
-        delivery: What became of its data.
-        part: The part that stays aboard.
-    """
+    """What would let a part of the map arrive that stays aboard."""
     if part.reason == STORAGE:
         given = plan.scenario.data.storage_bit
         return f"data.storage_bit = {given}: at least {most_seen_bit(delivery)} holds all pictures of one"

@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from swarm_mj.designer.candidates.visibility import Visibility
 from swarm_mj.designer.deadline import HOUR
 from swarm_mj.designer.study import Growth, Study, describe
-from swarm_mj.io.arrays import Declared, read_arrays
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.records import read_record
 from swarm_mj.records.run_record import read_scenario
@@ -51,15 +49,6 @@ SEEN_ALIKE = ("observer", "interval_s", "resolution_px", "ground_resolution_m", 
 SAME_POINT = 1e-3
 #: What to do about a file of a design that cannot be read.
 REMEDY = "make the design again with `swarm-mj design`"
-#: Arrays of sightings.npz: whether a candidate sees a cell, area of the cells [m^2], deployment speed [m/s] and meaning of
-#: the candidates, and of each genetic algorithm best, mean and number of designs by generation.
-SIGHTINGS = {
-    "sees": Declared("?", ("candidates", "cells")),
-    "area": Declared("f8", ("cells",), 0.0),
-    "delta_v": Declared("f8", ("candidates",), 0.0),
-    "candidates": Declared("f8", ("candidates", 5)),
-    **{f"history_{name}": Declared("f8", (f"{name} generations", 3), optional=True) for name in ("repair", "plain")},
-}
 
 
 def design_record(study: Study) -> dict[str, Any]:
@@ -184,9 +173,8 @@ def design_differences(
     for key in here.keys() & there.keys() - _without_effect(scenario, there):
         if (power := MESH_KEYS.get(key)) is not None:
             if not np.isclose(there[key], here[key], rtol=SAME_MESH, atol=0.0):
-                found.append(
-                    f"{key.rpartition('_')[0]}: {shown_size(there[key], power)} there, {shown_size(here[key], power)} here"
-                )
+                sizes = shown_size(there[key], power), shown_size(here[key], power)
+                found.append(f"{key.rpartition('_')[0]}: {sizes[0]} there, {sizes[1]} here")
         elif there[key] != here[key]:
             found.append(f"{key}: {there[key]} there, {here[key]} here")
     return [*_seeing_differences(record, scenario), *sorted(found), *_point_differences(record, scenario, points_A)]
@@ -240,37 +228,22 @@ def _genetic_record(result: GeneticResult) -> dict[str, Any]:
 def write_design(folder: Path, study: Study) -> dict[str, Any]:
     """Write everything but the pictures; returns the record in design.json."""
     seen = study.visibility
-    history = {f"history_{name}": np.column_stack(result.history) for name, result in study.genetic.items()}
-    np.savez_compressed(
-        folder / "sightings.npz",
-        sees=seen.sees,
-        area=seen.area,
-        delta_v=seen.delta_v,
-        candidates=np.array(seen.candidates),
-        **history,  # type: ignore[arg-type]
-    )
+    arrays = {"sees": seen.sees, "area": seen.area, "delta_v": seen.delta_v, "candidates": np.array(seen.candidates)}
+    arrays |= {f"history_{name}": np.column_stack(result.history) for name, result in study.genetic.items()}
+    np.savez_compressed(folder / "sightings.npz", **arrays)  # type: ignore[arg-type]
     write_text(folder / "scenario.yaml", yaml.safe_dump(study.scenario.model_dump(mode="json"), sort_keys=False))
     if study.front is not None:
         write_text(folder / "pareto.json", json.dumps(_front_record(study), indent=2) + "\n")
     record = design_record(study)
-    # Both names: a result folder is known by its summary.
-    write_text(folder / "design.json", json.dumps(record, indent=2) + "\n")
-    write_text(folder / "summary.json", json.dumps(record, indent=2) + "\n")
+    for name in ("design.json", "summary.json"):  # a result folder is known by its summary
+        write_text(folder / name, json.dumps(record, indent=2) + "\n")
     return record
-
-
-def read_sightings(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of sightings.npz by name, see `SIGHTINGS`.
-
-    Raises:
-        OutputError: It cannot be read, or an array is missing or not as it should be.
-    """
-    return read_arrays(path, SIGHTINGS, REMEDY)
 
 
 def _front_record(study: Study) -> list[dict[str, Any]]:
     front = study.front
     assert front is not None
+    rows = zip(front.n_observers, front.delta_v, front.uncovered_percent, front.points, strict=True)
     return [
         {
             "n_observers": int(n),
@@ -278,9 +251,7 @@ def _front_record(study: Study) -> list[dict[str, Any]]:
             "covered_percent": round(100.0 - float(missing), 6),
             "visiting_points": [int(p) for p in points],
         }
-        for n, delta_v, missing, points in zip(
-            front.n_observers, front.delta_v, front.uncovered_percent, front.points, strict=True
-        )
+        for n, delta_v, missing, points in rows
     ]
 
 

@@ -48,11 +48,8 @@ def summary_findings(summary: dict[str, Any]) -> list[str]:
         *_pointing_findings(_at_the_end(summary), "at the end", "the flight ended"),
         *_pointing_findings(_before_switches(summary), "before a switch", "targets were switched again"),
     ]
-    cut = {name: seconds for name, seconds in summary["wheel_saturation_s"].items() if seconds > 0}
-    if cut:
-        found.append(
-            f"wheel limits cut the controller's torque: {', '.join(f'{n} for {s:g} s' for n, s in cut.items())}"
-        )
+    cut = ", ".join(f"{name} for {s:g} s" for name, s in summary["wheel_saturation_s"].items() if s > 0)
+    found += [f"wheel limits cut the controller's torque: {cut}"] if cut else []
     found += summary.get("navigation", {}).get("findings", ())
     return [
         *event_findings(summary),
@@ -62,13 +59,8 @@ def summary_findings(summary: dict[str, Any]) -> list[str]:
         *observed_findings(summary),
         *undelivered_findings(summary),
         *found,
-        *spacecraft_findings(summary),
+        *(f"{summary['spacecraft_file']}: {note}" for note in summary.get("spacecraft_notes", ())),
     ]
-
-
-def spacecraft_findings(summary: dict[str, Any]) -> list[str]:
-    """What of a spacecraft's file is not as one may think."""
-    return [f"{summary['spacecraft_file']}: {note}" for note in summary.get("spacecraft_notes", ())]
 
 
 def _at_the_arrival(summary: dict[str, Any]) -> list[Late]:
@@ -97,14 +89,9 @@ def _before_switches(summary: dict[str, Any]) -> list[Late]:
 def _pointing_findings(late: list[Late], when: str, short: str) -> list[str]:
     """One sentence on pointing that should have settled, one on targets that were held too briefly for that."""
     slow, brief = ([one for one in late if (one.held_s >= SETTLING_S) is so] for so in (True, False))
-    found = []
-    if slow:
-        found.append(f"pointing had not settled {when}: {_who(slow)}")
-    if brief:
-        found.append(
-            f"{short} less than {SETTLING_S:g} s after a target was chosen, while still turning: {_who(brief)}"
-        )
-    return found
+    words = f"{short} less than {SETTLING_S:g} s after a target was chosen, while still turning"
+    told = ((slow, f"pointing had not settled {when}"), (brief, words))
+    return [f"{said}: {_who(some)}" for some, said in told if some]
 
 
 def _who(late: list[Late]) -> str:
@@ -120,9 +107,8 @@ def event_findings(summary: dict[str, Any]) -> list[str]:
         + (f" ({event['detail']})" if event["detail"] else "")
         for event in events[:MOST_EVENTS]
     ]
-    return found + (
-        [f"and {len(events) - len(found)} more events, see summary.json"] if len(events) > len(found) else []
-    )
+    more = len(events) - len(found)
+    return found + ([f"and {more} more events, see summary.json"] if more else [])
 
 
 def near_collision_findings(summary: dict[str, Any]) -> list[str]:
@@ -197,16 +183,10 @@ def findings(run: RunRecord) -> list[str]:
 
 def run_findings(run: RunRecord) -> list[str]:
     """Remarks that need more than the summary: pictures that could not be, values of Eros, and a proof for another case."""
-    found = [
-        *imaging_findings(run.scenario, run.summary),
-        *direction_findings(run),
-        *propulsion_findings(run),
-        *borrowed_findings(run.scenario),
-    ]
-    if other := proof_differences(run):
-        found.append(
-            f"the proof of design {run.scenario.design.reference} does not hold for this run: {'; '.join(other)}"
-        )
+    found = [*imaging_findings(run.scenario, run.summary), *direction_findings(run), *propulsion_findings(run)]
+    found += borrowed_findings(run.scenario)
+    if other := "; ".join(proof_differences(run)):
+        found.append(f"the proof of design {run.scenario.design.reference} does not hold for this run: {other}")
     return found
 
 

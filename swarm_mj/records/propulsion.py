@@ -44,13 +44,13 @@ def propulsion_findings(run: RunRecord) -> list[str]:
     gained, used = run.telemetry["delta_v_m_s"].values[-1], left[0] - left[-1]
     least = -mass[0] * np.expm1(-gained / speed)
     found = []
-    if empty := [f"{run.names[j]} at t = {run.times[np.argmax(left[:, j] <= 0.0)]:g} s" for j in _where(left[-1] <= 0)]:
+    emptied_s = run.times[np.argmax(left <= 0.0, axis=0)]
+    if empty := [f"{run.names[j]} at t = {emptied_s[j]:g} s" for j in np.flatnonzero(left[-1] <= 0)]:
         found.append(
-            f"tanks ran empty: {', '.join(empty)}; burns after that were not flown: raise "
-            "spacecraft.thrusters.propellant_kg"
+            f"tanks ran empty: {', '.join(empty)}; burns after that were not flown: raise spacecraft.thrusters.propellant_kg"
         )
     planned = np.array([run.summary.get("planned_burns_m_s", {}).get(name, 0.0) for name in run.names])
-    if len(more := _where((planned > 0.0) & (used > (1.0 + REMARKABLE) * least))):
+    if len(more := np.flatnonzero((planned > 0.0) & (used > (1.0 + REMARKABLE) * least))):
         worst = int(more[np.argmax(used[more] / np.maximum(least[more], 1e-12))])
         who = ", ".join(run.names[j] for j in more)
         found.append(
@@ -59,7 +59,3 @@ def propulsion_findings(run: RunRecord) -> list[str]:
             f"{gained[worst]:.3g} m/s ({run.names[worst]}); keep that much more in spacecraft.thrusters.propellant_kg"
         )
     return found
-
-
-def _where(flags: Any) -> Any:
-    return np.flatnonzero(flags)

@@ -138,12 +138,7 @@ def write_coverage(path: Path | BinaryIO, plan: Observed, result: ObservationRes
 
 
 def read_coverage(path: Path, names: Collection[str] = tuple(COVERAGE), **sizes: int) -> dict[str, NDArray[Any]]:
-    """Arrays of a coverage.npz by name.
-
-    Args:
-        path: The file.
-        names: Which.
-        **sizes: `spacecraft` and `cells`, where they are known.
+    """Arrays of a coverage.npz by name; `sizes`: `spacecraft` and `cells`, where they are known.
 
     Raises:
         OutputError: It cannot be read, or an array is missing or not as `COVERAGE` says.
@@ -159,27 +154,25 @@ def coverage_arrays(plan: Observed, result: ObservationResult) -> dict[str, NDAr
     used, faces = np.unique(corners, return_inverse=True)
     rest = np.delete(region.mesh.faces, region.target, axis=0)
     body_used, body_faces = np.unique(rest, return_inverse=True)
-    coverage, passage = result.coverage, result.passage
-    return {
+    seen = {
+        f"{name}{suffix}": getattr(of, name)
+        for suffix, of in (("", result.coverage), ("_passage", result.passage))
+        for name in ("seen", "first_seen_s", "seen_by", "first_seen_by_s")
+    }
+    arrays = {
         "vertices": region.mesh.vertices[used],
         "faces": faces.reshape(corners.shape),
         "area": region.area,
         "face_of_cell": region.group,
-        "seen": coverage.seen,
-        "first_seen_s": coverage.first_seen_s,
-        "seen_by": coverage.seen_by,
-        "first_seen_by_s": coverage.first_seen_by_s,
         "kept_s": result.kept.taken_s,
         "gsd_m": result.kept.gsd_m,
         "incidence_deg": result.kept.incidence_deg,
         "why": result.why,
-        "seen_passage": passage.seen,
-        "first_seen_s_passage": passage.first_seen_s,
-        "seen_by_passage": passage.seen_by,
-        "first_seen_by_s_passage": passage.first_seen_by_s,
         "body_vertices": region.mesh.vertices[body_used].astype(np.float32),
         "body_faces": body_faces.reshape(rest.shape).astype(np.int32),
+        **seen,
     }
+    return {name: arrays[name] for name in COVERAGE}
 
 
 def write_delivery(folder: Path, delivery: Delivery) -> None:
@@ -188,11 +181,7 @@ def write_delivery(folder: Path, delivery: Delivery) -> None:
 
 
 def read_delivery(folder: Path, **sizes: int) -> Delivery | None:
-    """The delivery of a run; None where the run has none.
-
-    Args:
-        folder: Of the run.
-        **sizes: `spacecraft` and `cells`, where they are known.
+    """The delivery of a run; None where its folder has none. `sizes`: `spacecraft` and `cells`, where they are known.
 
     Raises:
         OutputError: The file cannot be read, or an array is missing or not as `DELIVERY` says.

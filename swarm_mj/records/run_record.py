@@ -115,7 +115,8 @@ def read_run(folder: Path) -> RunRecord:
         record_from(telemetry.attrs.get("events", "[]"), list[Event])
     if why := contradiction(summary, [str(name) for name in telemetry["spacecraft"].values]):
         raise OutputError(f"{path}: cannot be read ({why}); {REMEDY}")
-    delivery = read_delivery(folder, spacecraft=summary["spacecraft"], cells=summary["target_cells"])
+    sizes = {"spacecraft": summary["spacecraft"], "cells": summary["target_cells"]}
+    delivery = read_delivery(folder, **sizes)
     if delivery is not None and summary.get("delivered_percent") is None:
         raise OutputError(f"{path}: cannot be read (delivered_percent is missing, but delivery.npz is there); {REMEDY}")
     return RunRecord(
@@ -123,9 +124,7 @@ def read_run(folder: Path) -> RunRecord:
         summary=summary,
         scenario=read_scenario(folder / "scenario.yaml"),
         telemetry=telemetry,
-        coverage=read_coverage(
-            folder / "coverage.npz", SHOWN, spacecraft=summary["spacecraft"], cells=summary["target_cells"]
-        ),
+        coverage=read_coverage(folder / "coverage.npz", SHOWN, **sizes),
         design=read_record(design, DesignRecord, REMEDY) if os.path.lexists(design) else None,
         delivery=delivery,
     )

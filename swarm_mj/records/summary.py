@@ -103,9 +103,8 @@ def _by_target(plan: Plan, result: ObservationResult) -> dict[str, Any]:
     region, stops = plan.region, itinerary(plan.scenario)
     found: dict[str, Any] = {}
     if region.parts:
-        found["coverage_percent_by_target"] = [
-            rounded(result.coverage.percent_of(region.cells_of(k)), 6) for k in range(len(region.parts))
-        ]
+        shares = [result.coverage.percent_of(region.cells_of(k)) for k in range(len(region.parts))]
+        found["coverage_percent_by_target"] = [rounded(share, 6) for share in shares]
         found["target_area_km2_by_target"] = [rounded(part.total_area / 1e6, 6) for part in region.parts]
     if plan.scenario.design.observers or plan.scenario.design.release_s:
         found["itinerary"] = {
@@ -145,17 +144,12 @@ def _pointed_at_pictures(plan: Plan, telemetry: xr.Dataset, error_deg: Array) ->
     known = telemetry.get("attitude_knowledge_error")
     at_arrival = {"pointing_error_deg_arrival": error_deg}
     at_arrival |= {} if known is None else {"attitude_knowledge_error_deg_arrival": np.degrees(known.values)}
+    there = [(j, k) for j, k in enumerate(arrivals) if who[k, j]]
+    median = {plan.names[j]: rounded(np.median(error_deg[k, j]), 9) for j, k in taken.items() if len(k)}
     return {
         "sensors": scenario.spacecraft.sensors.name,
-        **{
-            key: {
-                plan.names[j]: rounded(values[arrival, j], 9) for j, arrival in enumerate(arrivals) if who[arrival, j]
-            }
-            for key, values in at_arrival.items()
-        },
-        "pointing_error_deg_pictures_median": {
-            plan.names[j]: rounded(np.median(error_deg[k, j]), 9) for j, k in taken.items() if len(k)
-        },
+        **{key: {plan.names[j]: rounded(values[k, j], 9) for j, k in there} for key, values in at_arrival.items()},
+        "pointing_error_deg_pictures_median": median,
     }
 
 
@@ -172,6 +166,14 @@ def _switch(switch: dict[str, Any], error_deg: Array, held: Array) -> dict[str, 
 def _flown(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
     """Deployment, trajectories and what came too close."""
     names = plan.names
+    near = [
+        {
+            "spacecraft": [names[a.first], names[a.second]],
+            "time_s": rounded(a.time, 3),
+            "distance_m": rounded(a.distance, 3),
+        }
+        for a in plan.near_collisions
+    ]
     return {
         "mothership": _mothership_orbit(plan),
         "deployer_max_speed_m_s": plan.scenario.mothership.deployer.max_speed_m_s,
@@ -179,14 +181,7 @@ def _flown(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
         "transfer_miss_mm": by_name(names, 1e3 * plan.deployment.miss_m, 6),
         "arrival_miss_mm": by_name(names, 1e3 * arrival_miss_m(plan, telemetry), 6),
         "least_distance_to_centre_km": by_name(names, plan.least_radius / 1e3, 3),
-        "near_collisions": [
-            {
-                "spacecraft": [names[a.first], names[a.second]],
-                "time_s": rounded(a.time, 3),
-                "distance_m": rounded(a.distance, 3),
-            }
-            for a in plan.near_collisions
-        ],
+        "near_collisions": near,
     }
 
 
@@ -234,18 +229,12 @@ def mode_switches(telemetry: xr.Dataset) -> dict[str, list[dict[str, Any]]]:
     changed = (np.diff(mode, axis=0) != 0) | (np.diff(tracked, axis=0) != 0)
     if "released" in telemetry:
         changed &= telemetry["released"].values[:-1] == 1
-    switches: dict[str, list[dict[str, Any]]] = {}
-    for j, name in enumerate(telemetry["spacecraft"].values):
-        switches[str(name)] = [
-            {
-                "sample": int(k) + 1,
-                "time_s": float(times[k + 1]),
-                "from": MODES[mode[k, j]],
-                "to": MODES[mode[k + 1, j]],
-            }
-            for k in np.flatnonzero(changed[:, j])
-        ]
-    return switches
+
+    def switch(j: int, k: int) -> dict[str, Any]:
+        return {"sample": k, "time_s": float(times[k]), "from": MODES[mode[k - 1, j]], "to": MODES[mode[k, j]]}
+
+    names = map(str, telemetry["spacecraft"].values)
+    return {name: [switch(j, int(k) + 1) for k in np.flatnonzero(changed[:, j])] for j, name in enumerate(names)}
 
 
 def library_versions() -> dict[str, str]:

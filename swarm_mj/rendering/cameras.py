@@ -77,11 +77,8 @@ def spacecraft_number(name: str, n: int) -> int | None:
 def overview(plan: Plan, path_N: Array, aspect: float, span_s: Span | None = None) -> FreeView:
     """A fixed view that holds body and flight.
 
-    Args:
-        plan: What is flown.
-        path_N: Positions over the time that is shown, evenly spaced in it, shape (m, n, 3) [m].
-        aspect: Width of the picture over its height.
-        span_s: Begin and end of that time [s]; None: the whole flight.
+    `path_N`: positions over the time that is shown, evenly spaced in it, shape (m, n, 3) [m]. `aspect`: width of the picture
+    over its height. `span_s`: begin and end of that time [s]; None: the whole flight.
     """
     begin, end = span_s or (0.0, plan.scenario.duration_s)
     turned = [plan.shape.vertices @ plan.environment.C_AN(t) for t in (begin, 0.5 * (begin + end), end)]
@@ -91,9 +88,8 @@ def overview(plan: Plan, path_N: Array, aspect: float, span_s: Span | None = Non
 def reach_of(path_N: Array, view: FreeView | None = None) -> float:
     """Distance [m] from any camera of a flight within which all that is drawn lies.
 
-    Args:
-        path_N: Positions over the flight, shape (m, n, 3) [m].
-        view: The overview, if there is one; spacecraft's own cameras and the one behind the swarm stand on the path or near it.
+    `path_N`: positions over the flight, shape (m, n, 3) [m]. `view`: the overview, if there is one; spacecraft's own cameras
+    and the one behind the swarm stand on the path or near it.
     """
     farthest = float(np.linalg.norm(path_N, axis=-1).max())
     beyond = 0.0 if view is None else view.distance + float(np.linalg.norm(view.lookat))
@@ -112,13 +108,7 @@ def chase(plan: Plan, instant: Instant, aspect: float) -> FreeView:
 
 
 def fit(points_N: Array, toward: Array, aspect: float) -> FreeView:
-    """The nearest view from a direction that holds all points.
-
-    Args:
-        points_N: What is to be seen, shape (k, 3) [m].
-        toward: Unit vector to the camera, shape (3,).
-        aspect: Width of the picture over its height.
-    """
+    """The nearest view from a direction (3,) that holds all points (k, 3) [m]; `aspect`: width over height of the picture."""
     right, up = _picture_axes(toward)
     middle = np.zeros(3)
     for axis in (right, up):
@@ -130,13 +120,9 @@ def fit(points_N: Array, toward: Array, aspect: float) -> FreeView:
 
 
 def view_direction(plan: Plan, path_N: Array, aspect: float, span_s: Span | None = None) -> Array:
-    """Unit vector in N to a camera that sees the target's day side, and the flight from the side.
+    """Unit vector in N to a camera that sees the target's day side, and the flight from the side; arguments as of `overview`.
 
-    Args:
-        plan: What is flown.
-        path_N: Positions over the time that is shown, evenly spaced in it, shape (m, n, 3) [m].
-        aspect: Width of the picture over its height; a flight along the longer side is seen from nearer.
-        span_s: As in `overview`.
+    A flight along the longer side of the picture is seen from nearer.
     """
     begin, end = span_s or (0.0, plan.scenario.duration_s)
     region, environment = plan.region, plan.environment

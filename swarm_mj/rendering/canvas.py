@@ -69,12 +69,7 @@ def _gl_context(width: int, height: int) -> Any:
 
 
 class Canvas:
-    """Draws a model; holds one OpenGL context until closed.
-
-    Args:
-        model: What to draw.
-        width: Of the whole picture [pixel].
-        height: Of the whole picture [pixel].
+    """Draws a model into pictures of some width and height [pixel]; holds one OpenGL context until closed.
 
     Raises:
         ObserverError: OpenGL cannot be loaded here, or this process was forked from one that has used it.
@@ -110,8 +105,7 @@ class Canvas:
     def clear(self) -> None:
         """Begin a picture."""
         self._make_current()
-        whole = mujoco.MjrRect(0, 0, self.width, self.height)
-        mujoco.mjr_rectangle(whole, 0.0, 0.0, 0.0, 1.0)
+        mujoco.mjr_rectangle(mujoco.MjrRect(0, 0, self.width, self.height), 0.0, 0.0, 0.0, 1.0)
 
     def view(
         self,
@@ -121,20 +115,11 @@ class Canvas:
         spacecraft: bool = True,
         decorate: Callable[[NextGeom], None] | None = None,
     ) -> Projection:
-        """Draw one view into a part of the picture.
-
-        Args:
-            camera: From where.
-            box: Where in the picture.
-            spacecraft: Whether to draw the spacecraft.
-            decorate: Adds further geoms to the scene.
-        """
+        """Draw one view into a part of the picture, with or without spacecraft; `decorate` adds further geoms to the scene."""
         self._options.geomgroup[:] = 0
         self._options.geomgroup[BODY_GROUP], self._options.geomgroup[SPACECRAFT_GROUP] = 1, spacecraft
-        everything = mujoco.mjtCatBit.mjCAT_ALL
-        mujoco.mjv_updateScene(
-            self.model.mjmodel, self.model.data, self._options, None, camera, everything, self._scene
-        )
+        drawn, everything = self.model, mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(drawn.mjmodel, drawn.data, self._options, None, camera, everything, self._scene)
         if decorate is not None:
             decorate(self._next_geom)
         rect = mujoco.MjrRect(box.left, self.height - box.top - box.height, box.width, box.height)
@@ -172,10 +157,7 @@ class Canvas:
         left, right = self._scene.camera
         up, forward = np.array(left.up, float), np.array(left.forward, float)
         tangent = 0.5 * (left.frustum_top - left.frustum_bottom) / left.frustum_near
-        scale = np.full(2, 0.5 * box.height / tangent)
+        axes, position = np.array([np.cross(forward, up), up, forward]), np.array(left.pos, float)
         return Projection(
-            0.5 * (np.array(left.pos, float) + np.array(right.pos, float)),
-            np.array([np.cross(forward, up), up, forward]),
-            scale,
-            box,
+            0.5 * (position + np.array(right.pos, float)), axes, np.full(2, 0.5 * box.height / tangent), box
         )

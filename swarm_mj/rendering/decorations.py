@@ -29,14 +29,7 @@ FREE_SIGHT = 0.8
 
 
 def decorate(next_geom: NextGeom, model: DrawingModel, instant: Instant, width_scale: float = 1.0) -> None:
-    """Add the lines and fields of view of an instant to a scene.
-
-    Args:
-        next_geom: Hands out the scene's free geoms.
-        model: The model that the scene shows.
-        instant: What to draw.
-        width_scale: Factor on the widths of lines, for large pictures.
-    """
+    """Add the lines and fields of view of an instant to a model's scene; `width_scale` is of lines, for large pictures."""
     radius = float(model.mjmodel.stat.extent)
     length, tips = sights(instant, radius)
     colours, working = instant.colours, np.flatnonzero(instant.works).tolist()

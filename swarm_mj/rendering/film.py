@@ -62,17 +62,13 @@ class FilmFacts(NamedTuple):
         """One sentence."""
         if self.speed == 0.0:
             return f"{self.path}: {self.pictures} stills of {self.width} x {self.height}"
+        part = (
+            ", from t = {:g} to {:g} s (--start, --end show another part)".format(*self.part_s) if self.part_s else ""
+        )
         return (
             f"{self.path}: {self.pictures} pictures of {self.width} x {self.height}, {self.pictures / self.fps:.1f} s at "
-            f"{self.fps:g} a second, {self.speed:g} times as fast as the flight{self._part}"
+            f"{self.fps:g} a second, {self.speed:g} times as fast as the flight{part}"
         )
-
-    @property
-    def _part(self) -> str:
-        if self.part_s is None:
-            return ""
-        begin, end = self.part_s
-        return f", from t = {begin:g} to {end:g} s (--start, --end show another part)"
 
 
 def make_film(
@@ -177,19 +173,9 @@ def write_stills(
     width: int = 960,
     height: int = 720,
 ) -> None:
-    """Write pictures of a flight beside each other as a PNG, under a temporary name that is then changed.
+    """Write pictures of a flight beside each other as a PNG that appears whole; args and errors as of `make_film`.
 
-    Args:
-        path: Where.
-        replay: The flight.
-        times: Instants [s]; None: the arrival and the end, as in the paper.
-        camera: `overview`, `chase`, `split`, or `sc1`, `sc2`, ...
-        width: Of one picture [pixel].
-        height: Of one picture [pixel].
-
-    Raises:
-        OutputError: There is no camera of that name, the size is out of range, or the file cannot be written.
-        ObserverError: OpenGL cannot be loaded here.
+    `times`: instants [s]; None: the arrival and the end, as in the paper. `width` and `height` are of one picture [pixel].
     """
     if times is None:
         times = (last_arrival_s(replay.plan.scenario), float(replay.times[-1]))

@@ -74,9 +74,6 @@ class LiveFlight:
     as far as they count by the scenario's criterion. An observer that draws with OpenGL must be used in one thread: make, fly
     and close the flight in the same one.
 
-    Args:
-        plan: What to fly.
-
     Raises:
         ObserverError: The scenario's observer is not available here.
     """
@@ -191,10 +188,6 @@ class LiveFlight:
 class Player:
     """Flies a live flight at a chosen speed; what is shown is taken from `now`.
 
-    Args:
-        flight: What to fly.
-        speed: Seconds of flight per second.
-
     Attributes:
         paused: Whether the flight stands still.
         speed: Seconds of flight per second.
@@ -208,11 +201,7 @@ class Player:
         self._due = 0.0
 
     def advance(self, elapsed: float, budget: float) -> None:
-        """Fly on by the time that passed.
-
-        Args:
-            elapsed: Time since the last call [s].
-            budget: Time to spend at most [s]; a machine too slow for the speed flies slower.
+        """Fly on by the time that passed [s], but work for at most `budget` [s]: a machine too slow for the speed flies slower.
 
         Raises:
             SimulationError: The flight diverged.
@@ -236,13 +225,7 @@ class Player:
 
 
 def pace(player: Player, go_on: Callable[[], bool], show: Callable[[], None]) -> None:
-    """Fly and show pictures at an even rate.
-
-    Args:
-        player: The flight.
-        go_on: Asked before every picture; False ends it.
-        show: Shows what there is to draw now.
-    """
+    """Fly and show what there is to draw at an even rate, as long as `go_on`, asked before every picture, says so."""
     last = perf_counter()
     while go_on():
         start = perf_counter()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -34,9 +35,6 @@ class Atlas:
 
     Cells that were not observed show bare ground inside the border of their face of F_T; observed ones are filled. The border
     has the same width in metres everywhere. All other ground shares one bare tile.
-
-    Args:
-        region: The target and the body cut along it.
     """
 
     def __init__(self, region: TargetRegion) -> None:
@@ -119,6 +117,8 @@ def _on_border(region: TargetRegion) -> Mask:
 
 #: Groups of geoms, to be hidden in the view of a camera.
 BODY_GROUP, SPACECRAFT_GROUP = 0, 1
+#: Of geoms that touch nothing.
+PASSABLE: dict[str, Any] = {"contype": 0, "conaffinity": 0}
 #: Light besides the Sun's, so that the night side and what is painted on it can be made out.
 AMBIENT = 0.24
 #: Light of the spacecraft themselves: their panels are dark.
@@ -188,14 +188,10 @@ class DrawingModel:
 def build_drawing_model(
     plan: Plan, magnification: float, width: int = 640, height: int = 480, reach: float = 0.0
 ) -> DrawingModel:
-    """Compile the model of a plan.
+    """Compile the model of a plan for pictures of at most some width and height [pixel].
 
-    Args:
-        plan: Body, target, Sun and spacecraft.
-        magnification: How many times larger than they are spacecraft are drawn.
-        width: Of the largest picture [pixel].
-        height: Of the largest picture [pixel].
-        reach: Distance from a camera up to which things are drawn [m], see `reach_of`; at least `FAR` body radii.
+    Spacecraft are drawn `magnification` times larger than they are, and things up to `reach` [m] from a camera, see `reach_of`,
+    but at least up to `FAR` body radii.
     """
     atlas = Atlas(plan.region)
     spec = mujoco.MjSpec()
@@ -234,16 +230,9 @@ def _look(spec: mujoco.MjSpec, plan: Plan, width: int, height: int, reach: float
     visual.headlight.ambient, visual.headlight.diffuse = np.full(3, AMBIENT), np.zeros(3)
     visual.headlight.specular = np.zeros(3)
     sun_N = plan.environment.sun.position / np.linalg.norm(plan.environment.sun.position)
-    spec.worldbody.add_light(
-        name="sun",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        dir=-sun_N,
-        pos=3.0 * radius * sun_N,
-        ambient=np.zeros(3),
-        diffuse=np.full(3, 0.9),
-        specular=np.full(3, 0.1),
-        castshadow=False,
-    )
+    parallel = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    sun = spec.worldbody.add_light(name="sun", type=parallel, dir=-sun_N, pos=3.0 * radius * sun_N, castshadow=False)
+    sun.ambient, sun.diffuse, sun.specular = np.zeros(3), np.full(3, 0.9), np.full(3, 0.1)
 
 
 def _add_body(spec: mujoco.MjSpec, plan: Plan, atlas: Atlas) -> None:
@@ -263,15 +252,8 @@ def _add_body(spec: mujoco.MjSpec, plan: Plan, atlas: Atlas) -> None:
     texture.data = atlas.image.tobytes()
     material = spec.add_material(name="asteroid", rgba=[1, 1, 1, 1], specular=0.0, shininess=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "target"
-    spec.worldbody.add_body(name="asteroid", mocap=True).add_geom(
-        name="asteroid",
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname="asteroid",
-        material="asteroid",
-        group=BODY_GROUP,
-        contype=0,
-        conaffinity=0,
-    )
+    body, mesh = spec.worldbody.add_body(name="asteroid", mocap=True), mujoco.mjtGeom.mjGEOM_MESH
+    body.add_geom(name="asteroid", type=mesh, meshname="asteroid", material="asteroid", group=BODY_GROUP, **PASSABLE)
 
 
 def _normals(plan: Plan) -> Array:
@@ -306,16 +288,14 @@ def _add_spacecraft(spec: mujoco.MjSpec, name: str, plan: Plan, magnification: f
         if plan.n > MAX_DETAILED and k != part.geom("bus").id:
             continue
         colour = part.mat_rgba[part.geom_matid[k]]
+        longer = stretch if part.geom_type[k] == mujoco.mjtGeom.mjGEOM_BOX else 1.0
         body.add_geom(
             type=part.geom_type[k],
-            size=magnification
-            * part.geom_size[k]
-            * (stretch if part.geom_type[k] == mujoco.mjtGeom.mjGEOM_BOX else 1.0),
+            size=magnification * part.geom_size[k] * longer,
             pos=magnification * part.geom_pos[k] * stretch,
             quat=part.geom_quat[k],
             rgba=np.append(GLOW + (1.0 - GLOW) * colour[:3], 1.0),
             group=SPACECRAFT_GROUP,
-            contype=0,
-            conaffinity=0,
+            **PASSABLE,
         )
     body.add_camera(name=name, quat=[0, 1, 0, 0], fovy=2.0 * plan.scenario.camera.half_angle_deg)

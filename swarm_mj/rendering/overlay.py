@@ -43,15 +43,13 @@ class Rect(NamedTuple):
 
     def within(self, other: Rect) -> bool:
         """Whether it lies inside another."""
-        return (
-            self.left > other.left and self.top > other.top and self.right < other.right and self.bottom < other.bottom
-        )
+        across = other.left < self.left and self.right < other.right
+        return across and other.top < self.top and self.bottom < other.bottom
 
     def overlaps(self, other: Rect) -> bool:
         """Whether the two share a point."""
-        return not (
-            self.right < other.left or other.right < self.left or self.bottom < other.top or other.bottom < self.top
-        )
+        across = self.left <= other.right and other.left <= self.right
+        return across and self.top <= other.bottom and other.top <= self.bottom
 
     def nearest(self, x: float, y: float) -> tuple[float, float]:
         """Its point that is nearest to another."""
@@ -61,6 +59,12 @@ class Rect(NamedTuple):
         """Distances from points, shape (k, 2), to it, shape (k,); zero inside."""
         low, high = (self.left, self.top), (self.right, self.bottom)
         return np.asarray(np.linalg.norm(points - np.clip(points, low, high), axis=-1))
+
+
+def _rect(box: Box, inwards: float = 0.0) -> Rect:
+    """The edges of a part of the picture, or of what lies so far inside them."""
+    right, bottom = box.left + box.width, box.top + box.height
+    return Rect(box.left + inwards, box.top + inwards, right - inwards, bottom - inwards)
 
 
 class Place(NamedTuple):
@@ -94,17 +98,10 @@ def place_label(
     others: Array,
     calm: Callable[[Rect], bool],
 ) -> Place | None:
-    """Where a label for a point can stand; None: nowhere in the view.
+    """Where a label of some width and height can stand that names a point (2,); None: nowhere in the view.
 
-    Args:
-        point: What it names, shape (2,).
-        width: Of the label.
-        height: Of the label.
-        letter: Height of letters.
-        view: What it must lie in.
-        taken: What it and its leader must keep clear of.
-        others: Points that it must not be taken to name, shape (k, 2).
-        calm: Whether words read well on what was drawn there; a place where they do goes before a nearer one.
+    It and its leader keep clear of what is `taken`, and must not be taken to name `others`, shape (k, 2). `calm` tells whether
+    words read well on what was drawn in a place; one where they do goes before a nearer one. `letter`: height of letters.
     """
     first: Place | None = None
     for reach, place in _candidates(point, width, height, letter):
@@ -113,9 +110,10 @@ def place_label(
         rect = place.rect
         if not rect.within(view) or any(rect.overlaps(other) for other in taken):
             continue
-        clear = (
-            _leader_is_clear(point, rect, letter, taken, others) if place.leader else _is_nearest(point, rect, others)
-        )
+        if place.leader:
+            clear = _leader_is_clear(point, rect, letter, taken, others)
+        else:  # nearer to its point than to any other
+            clear = bool((rect.distances(others) > rect.distances(point)).all())
         if clear and calm(rect):
             return place
         if clear and first is None:
@@ -140,11 +138,6 @@ def _candidates(point: Array, width: float, height: float, letter: float) -> Ite
             left = x + right * (reach * letter + 0.5 * width) - 0.5 * width
             top = y + down * (reach * letter + 0.5 * height) - 0.5 * height
             yield reach, Place(Rect(left, top, left + width, top + height), True)
-
-
-def _is_nearest(point: Array, rect: Rect, others: Array) -> bool:
-    """Whether a label is nearer to its point than to any other."""
-    return bool((rect.distances(others) > rect.distances(point)).all())
 
 
 def _leader_is_clear(point: Array, rect: Rect, letter: float, taken: Sequence[Rect], others: Array) -> bool:
@@ -197,11 +190,7 @@ class Corner(NamedTuple):
 
 
 class Lettering:
-    """Writes on one picture; labels keep clear of each other and of what was written before them.
-
-    Args:
-        pixels: The picture, shape (height, width, 3).
-    """
+    """Writes on a picture (height, width, 3); labels keep clear of each other and of what was written before them."""
 
     def __init__(self, pixels: Pixels) -> None:
         self._image = Image.fromarray(pixels)
@@ -236,10 +225,11 @@ class Lettering:
 
     def panel(self, lines: Sequence[Line], box: Box, corner: Corner, share: float, legend: int = 0) -> None:
         """Lines of text on a dark ground in a corner of a view; under the second a bar filled to a share from 0 to 1."""
-        left, top, width, height = self.corner_box(self.panel_size(lines), box, corner, legend)
-        self._taken.append(Rect(left, top, left + width, top + height))
+        ground = self.corner_box(self.panel_size(lines), box, corner, legend)
+        left, top, width, _ = ground
+        self._taken.append(_rect(ground))
         step = self._step
-        self._draw.rectangle((left, top, left + width, top + height), (0, 0, 0, GROUND_ALPHA))
+        self._draw.rectangle(_rect(ground), (0, 0, 0, GROUND_ALPHA))
         x, y = left + self.size // 2, top + self.size // 4
         for k, (text, colour) in enumerate(lines):
             self._draw.text((x, y), text, font=self._font, fill=colour)
@@ -256,13 +246,9 @@ class Lettering:
     def names(
         self, points_N: Array, labels: Sequence[Line], projection: Projection, *, dots: Sequence[int] = ()
     ) -> None:
-        """Write beside points what they are: in one label where they coincide, on a leader where it is crowded.
+        """Write beside points (k, 3) [m] what they are: in one label where they coincide, on a leader where it is crowded.
 
-        Args:
-            points_N: Shape (k, 3) [m].
-            labels: Their names and colours.
-            projection: The view they stand in.
-            dots: Which points to mark too.
+        `dots`: which points to mark too.
         """
         places, inside = projection.place(points_N)
         shown = np.flatnonzero(inside)
@@ -275,17 +261,11 @@ class Lettering:
         )
 
     def line_names(self, starts_N: Array, ends_N: Array, label: Line, projection: Projection, others_N: Array) -> None:
-        """Write what lines are where they end, or where they leave what can be seen of the view.
+        """Write what lines are where they end, or where they leave what can be seen of the view; all points (k, 3) [m].
 
-        Args:
-            starts_N: Shape (k, 3) [m].
-            ends_N: Shape (k, 3) [m].
-            label: Of each of them.
-            projection: The view they stand in.
-            others_N: Points that the label must not be taken to name, shape (m, 3) [m].
+        The label must not be taken to name `others_N`.
         """
-        box, edge = projection.box, 1.5 * self.size
-        view = Rect(box.left + edge, box.top + edge, box.left + box.width - edge, box.top + box.height - edge)
+        view = _rect(projection.box, 1.5 * self.size)
         anchors = []
         for start, end in zip(starts_N, ends_N, strict=True):
             places, inside = projection.place(end + np.linspace(0.0, 1.0, ALONG_A_LINE)[:, None] * (start - end))
@@ -302,8 +282,7 @@ class Lettering:
         self, places: Array, labels: Sequence[Line], reach: float, projection: Projection, others: Array
     ) -> None:
         """Labels of points in the picture, one for those within a reach; none must be taken to name `others`."""
-        box, height = projection.box, 1.2 * self.size
-        view = Rect(box.left, box.top, box.left + box.width, box.top + box.height)
+        height, view = 1.2 * self.size, _rect(projection.box)
         for group in groups(places, reach):
             words = list(dict.fromkeys(labels[k] for k in group))
             rows = [words[k : k + WORDS_IN_A_ROW] for k in range(0, len(words), WORDS_IN_A_ROW)]
@@ -334,19 +313,18 @@ class Lettering:
 
     def caption(self, text: str, box: Box, colour: Rgb) -> None:
         """A text in the lower left corner of a camera's picture, its first word where there is no room, and a frame."""
-        self._draw.rectangle(
-            (box.left, box.top, box.left + box.width - 1, box.top + box.height - 1), outline=colour, width=1
-        )
-        y = box.top + box.height - round(1.5 * self.size)
+        right, bottom = box.left + box.width, box.top + box.height
+        self._draw.rectangle((box.left, box.top, right - 1, bottom - 1), outline=colour, width=1)
+        y = bottom - round(1.5 * self.size)
         if self._font.getlength(text) > box.width - self.size // 2:
             text = text.split(" ")[0]
-        self._taken.append(Rect(box.left, y, box.left + self.size + self._font.getlength(text), box.top + box.height))
+        self._taken.append(Rect(box.left, y, box.left + self.size + self._font.getlength(text), bottom))
         self._words(box.left + self.size // 3, y, text, colour)
 
     def inset(self, text: str, box: Box) -> None:
         """A caption, in as many lines as it needs, and a frame for a picture inside another, which names keep clear of."""
         right, bottom = box.left + box.width, box.top + box.height
-        self._taken.append(Rect(box.left, box.top, right, bottom))
+        self._taken.append(_rect(box))
         self._draw.rectangle((box.left, box.top, right - 1, bottom - 1), outline=FAINT, width=1)
         lines = self._wrapped(text, box.width - self.size)
         for k, line in enumerate(lines):

@@ -59,14 +59,10 @@ class Layout:
 
 
 def layout_of(camera: str, n: int, n_observers: int, width: int, height: int) -> Layout:
-    """The parts of a picture for a camera's name.
+    """The parts of a picture of some width and height [pixel], of n spacecraft of which the first n_observers observe.
 
-    Args:
-        camera: `overview`, `chase`, `split`, or `sc1`, `sc2`, ..., each with the overview beside it if there is room.
-        n: Number of spacecraft.
-        n_observers: Number of those that have a camera's picture to show in `split`.
-        width: Of the picture [pixel].
-        height: Of the picture [pixel].
+    `camera`: `overview`, `chase`, `split` with the pictures of observers, or `sc1`, `sc2`, ..., with the overview beside it if
+    there is room.
 
     Raises:
         OutputError: There is no camera of that name.
@@ -91,13 +87,9 @@ def _tiles(count: int, left: int, width: int, height: int) -> list[Box]:
     rows = -(-count // columns)
     side = min(width // columns, height // rows)
     margin_x, margin_y = width - columns * side, (height - rows * side) // 2
-    places = [np.divmod(k, columns) for k in range(count)]
-    return [
-        Box(
-            left + margin_x // 2 + int(c) * side + GAP // 2, margin_y + int(r) * side + GAP // 2, side - GAP, side - GAP
-        )
-        for r, c in places
-    ]
+    left, top = left + margin_x // 2 + GAP // 2, margin_y + GAP // 2
+    places = [divmod(k, columns) for k in range(count)]
+    return [Box(left + column * side, top + row * side, side - GAP, side - GAP) for row, column in places]
 
 
 #: Height of a picture in which lines have their nominal width [pixel].
@@ -201,9 +193,8 @@ class Drawing:
         side = round(ENLARGED * min(main.box.width, main.box.height))
         if not self._is_speck(main) or side < LEAST_SIDE:
             return None
-        box = self._ruler.corner_box(
-            (side, side), main.box, self._corner(INSET, (side, side), main), self._legend(main.box)
-        )
+        corner = self._corner(INSET, (side, side), main)
+        box = self._ruler.corner_box((side, side), main.box, corner, self._legend(main.box))
         view = FreeView(np.zeros(3), -main.axes[2], INSET_RADII * self._plan.shape.max_radius)
 
         def add(next_geom: NextGeom) -> None:

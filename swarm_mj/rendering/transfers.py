@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import isnan
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -24,20 +23,12 @@ WIDTH, ALPHA = 2.5, 0.75
 RADIUS = 0.16
 
 
-class Way(NamedTuple):
-    """A line along which data move, its ends in N, each of shape (3,) [m]."""
-
-    start: Array
-    end: Array
+#: A line along which data move: its start and its end in N, each of shape (3,) [m].
+Way = tuple[Array, Array]
 
 
 class Transfers:
-    """What of a flight's data is sent when.
-
-    Args:
-        delivery: What became of the data.
-        duration_s: Of the flight [s].
-    """
+    """What of a flight's data is sent when, in a flight of some duration [s]."""
 
     def __init__(self, delivery: Delivery, duration_s: float) -> None:
         self._edges_s, self._duration_s = delivery.edges_s, duration_s
@@ -69,23 +60,15 @@ def ways(instant: Instant, radius: float) -> list[Way]:
         return []
     _, tips = sights(instant, radius)
     r_N = instant.r_BN_N
-    return [Way(r_N[i], tips[i] if j < 0 else r_N[j]) for i, j in instant.traffic.links]
+    return [(r_N[i], tips[i] if j < 0 else r_N[j]) for i, j in instant.traffic.links]
 
 
 def draw_transfers(
     next_geom: NextGeom, instant: Instant, radius: float, packet_m: float, width_scale: float = 1.0
 ) -> None:
-    """Add the transfers of an instant to a scene.
-
-    Args:
-        next_geom: Hands out the scene's free geoms.
-        instant: What to draw.
-        radius: Of the body [m].
-        packet_m: Radius of a packet [m].
-        width_scale: Factor on the widths of lines, for large pictures.
-    """
+    """Add the transfers of an instant to a scene; `packet_m`: radius of a packet [m]; `width_scale` is of lines."""
     for way in ways(instant, radius):
-        line(next_geom(), way.start, way.end, width_scale * WIDTH, rgba(PACKET_LINE, ALPHA))
+        line(next_geom(), *way, width_scale * WIDTH, rgba(PACKET_LINE, ALPHA))
         for place in packets(instant, way):
             _ball(next_geom(), place, packet_m)
 
@@ -94,7 +77,8 @@ def packets(instant: Instant, way: Way) -> Array:
     """Where the packets on a line are, shape (`PACKETS`, 3) [m]; they move from its start to its end."""
     assert instant.traffic is not None
     shares = (np.arange(PACKETS) + instant.traffic.beat) / PACKETS
-    return np.asarray(way.start + shares[:, None] * (way.end - way.start))
+    start, end = way
+    return np.asarray(start + shares[:, None] * (end - start))
 
 
 def words(traffic: Traffic) -> list[str]:
@@ -110,11 +94,8 @@ def _amount(bits: float) -> str:
     return f"{bits / unit.bits:.1f} {unit.unit}" if unit.bits > 1.0 else f"{bits:.0f} bit"
 
 
-_UNIT = np.eye(3).ravel()
-
-
 def _ball(geom: mujoco.MjvGeom | None, place: Array, radius: float) -> None:
     if geom is not None:
-        colour = np.array(rgba(PACKET), np.float32)
-        mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, radius), place, _UNIT, colour)
+        ball, colour = mujoco.mjtGeom.mjGEOM_SPHERE, np.array(rgba(PACKET), np.float32)
+        mujoco.mjv_initGeom(geom, ball, np.full(3, radius), place, np.eye(3).ravel(), colour)
         geom.emission = 1.0

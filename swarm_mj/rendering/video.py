@@ -62,12 +62,9 @@ def film(path: Path, *, width: int, height: int, fps: float, sample: Iterable[Pi
     """
     check_film(path, width, height, fps)
     with atomic_file(path) as partial:
-        writer: _Mp4 | _Gif
-        writer = (
-            _Mp4(partial, width, height, fps)
-            if path.suffix.lower() == ".mp4"
-            else _Gif(partial, width, height, fps, sample)
-        )
+        size = width, height
+        mp4 = path.suffix.lower() == ".mp4"
+        writer = _Mp4(partial, *size, fps) if mp4 else _Gif(partial, *size, fps, sample)
         try:
             yield writer
             writer.finish()

@@ -8,6 +8,7 @@ import threading
 import warnings
 from collections.abc import Callable
 from contextlib import closing, suppress
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -91,19 +92,12 @@ def check_window() -> None:
 def show_in_window(
     model: DrawingModel, player: Player, camera: mujoco.MjvCamera, go_on: Callable[[], bool] = lambda: True
 ) -> None:
-    """Show a flight in MuJoCo's native viewer until its window is closed.
-
-    Args:
-        model: What is drawn.
-        player: The flight.
-        camera: From where at first.
-        go_on: Asked before every picture; False closes the window.
-    """
+    """Show a flight in MuJoCo's native viewer until its window is closed, or `go_on`, asked before every picture, says no."""
     import mujoco.viewer
 
     others = set(threading.enumerate())
     handle = mujoco.viewer.launch_passive(
-        model.mjmodel, model.data, key_callback=_keys(player), show_left_ui=False, show_right_ui=False
+        model.mjmodel, model.data, key_callback=partial(_press, player), show_left_ui=False, show_right_ui=False
     )
     try:
         with handle:
@@ -117,18 +111,15 @@ def show_in_window(
             thread.join(CLOSING_S)
 
 
-def _keys(player: Player) -> Callable[[int], None]:
-    def pressed(key: int) -> None:
-        if key in PAUSE:
-            player.paused = not player.paused
-        elif key in FASTER:
-            player.change_speed(1)
-        elif key in SLOWER:
-            player.change_speed(-1)
-        elif key in RESTART:
-            player.restart_asked = True
-
-    return pressed
+def _press(player: Player, key: int) -> None:
+    if key in PAUSE:
+        player.paused = not player.paused
+    elif key in FASTER:
+        player.change_speed(1)
+    elif key in SLOWER:
+        player.change_speed(-1)
+    elif key in RESTART:
+        player.restart_asked = True
 
 
 def _update(handle: Any, model: DrawingModel, player: Player) -> None:
@@ -152,12 +143,7 @@ def _update(handle: Any, model: DrawingModel, player: Player) -> None:
         handle.update_texture(model.texture)
     left, right = status(model, player)
     place, font = mujoco.mjtGridPos, mujoco.mjtFontScale.mjFONTSCALE_100
-    handle.set_texts(
-        [
-            (font, place.mjGRID_TOPLEFT, left, right),
-            (font, place.mjGRID_BOTTOMLEFT, HELP, ""),
-        ]
-    )
+    handle.set_texts([(font, place.mjGRID_TOPLEFT, left, right), (font, place.mjGRID_BOTTOMLEFT, HELP, "")])
     handle.sync()
 
 

@@ -34,7 +34,7 @@ from swarm_mj.mission.target import angles, local_axes
 from swarm_mj.observation.coverage import CoverageMap, percent_text
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.reports.markup import Content, Html, table, tag
-from swarm_mj.reports.plots import INK, MAX_ROWS
+from swarm_mj.reports.plots import INK, MAX_ROWS, marker, name_rows
 from swarm_mj.reports.sections import section
 from swarm_mj.scenarios.itinerary import last_arrival_s
 from swarm_mj.typing import Array, Mask
@@ -74,21 +74,13 @@ def delivery_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html |
             parts.append(tag("p", "The way to Earth of this run was not computed."))
             continue
         some = "" if run.n <= MAX_ROWS else f", {MAX_ROWS} of {run.n} spacecraft"
-        boxes = [
-            tag(
-                "figure",
-                tag("h3", words, some if name == "contacts" else None),
-                tag("div", id=box_id(number, name), role="img", aria_label=words),
-                class_=name,
-            )
-            for name, words in PLOTS.items()
-        ]
-        parts += [
-            tag("p", outcome(run, run.delivery)),
-            _undelivered_table(run),
-            tag("div", boxes, class_="ways"),
-            tag("p", HINT, class_="soft"),
-        ]
+        boxes = []
+        for name, words in PLOTS.items():
+            head = tag("h3", words, some if name == "contacts" else None)
+            box = tag("div", id=box_id(number, name), role="img", aria_label=words)
+            boxes.append(tag("figure", head, box, class_=name))
+        parts += [tag("p", outcome(run, run.delivery)), _undelivered_table(run)]
+        parts += [tag("div", boxes, class_="ways"), tag("p", HINT, class_="soft")]
     return section("delivery", "Delivery to Earth", parts)
 
 
@@ -109,17 +101,15 @@ def outcome(run: RunRecord, delivery: Delivery) -> str:
         words += ". "
     if summary.get("delivered_percent_bound") is not None:
         words += f"No schedule delivers more than {summary['delivered_percent_bound']:.2f} %. "
-    unit = data_unit(delivery.seen_bit)
-    parts = [
-        f"{bits / unit.bits:.4g} {unit.unit} {what}"
-        for what, bits in (
-            ("seen", delivery.seen_bit),
-            ("delivered", delivery.delivered_bit),
-            ("left aboard", int(delivery.aboard_bit[-1].sum())),
-            ("lost", int(delivery.lost_bit[-1].sum())),
-        )
-    ]
-    words += f"Data: {', '.join(parts)}; a picture may stay aboard where another one shows the same."
+    unit, left, lost = data_unit(delivery.seen_bit), delivery.aboard_bit[-1].sum(), delivery.lost_bit[-1].sum()
+    amounts = {
+        "seen": delivery.seen_bit,
+        "delivered": delivery.delivered_bit,
+        "left aboard": int(left),
+        "lost": int(lost),
+    }
+    parts = ", ".join(f"{bits / unit.bits:.4g} {unit.unit} {what}" for what, bits in amounts.items())
+    words += f"Data: {parts}; a picture may stay aboard where another one shows the same."
     return words.replace(" %", "\N{NO-BREAK SPACE}%")
 
 
@@ -138,11 +128,8 @@ def delivery_figures(run: RunRecord) -> dict[str, go.Figure]:
     """The plots of a run by name; none where its way to Earth was not computed."""
     if run.delivery is None:
         return {}
-    return {
-        "contacts": contacts_figure(run, run.delivery),
-        "data": data_figure(run, run.delivery),
-        "map": map_figure(run, run.delivery),
-    }
+    makers = {"contacts": contacts_figure, "data": data_figure, "map": map_figure}
+    return {name: make(run, run.delivery) for name, make in makers.items()}
 
 
 def contacts_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
@@ -153,9 +140,7 @@ def contacts_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
     found = np.unique(np.concatenate([row.state for row in rows])) if rows else np.empty(0, int)
     figure = go.Figure([_bars(delivery, rows, names, state, axis) for state in LINK_STYLES if state in found])
     figure.add_trace(_transfers(delivery, rows, names, axis))
-    figure.update_yaxes(
-        tickvals=list(range(len(rows))), ticktext=names, range=[len(rows) - 0.4, -0.6], showgrid=False, fixedrange=True
-    )
+    name_rows(figure, names)
     _finish(figure, run, delivery, axis, ROW_PX * len(rows) + AROUND_PX)
     figure.update_layout(barmode="overlay", hovermode="closest")
     return figure
@@ -208,8 +193,11 @@ def _transfers(delivery: Delivery, rows: Sequence[LinkHistory], names: Sequence[
 
 
 def _painted(style: AreaStyle) -> dict[str, Any]:
-    pattern = {"shape": HATCHES[style.hatch[:1]], "fgcolor": GREY, "bgcolor": style.colour, "size": 6, "solidity": 0.3}
-    return {"color": style.colour, "line": {"width": 0}, "pattern": pattern}
+    return {"color": style.colour, "line": {"width": 0}, "pattern": {**_pattern(style), "size": 6, "solidity": 0.3}}
+
+
+def _pattern(style: AreaStyle) -> dict[str, Any]:
+    return {"shape": HATCHES[style.hatch[:1]], "fgcolor": GREY, "bgcolor": style.colour}
 
 
 def data_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
@@ -223,12 +211,10 @@ def data_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
             _curve(figure, 1, edges, delivery.aboard_bit[:, j] / unit.bits, f"aboard {run.names[j]}", colour, DASHES[j])
     else:
         _curve(figure, 1, edges, delivery.aboard_bit.max(axis=1) / unit.bits, "aboard the fullest", SPACECRAFT[0])
-    ways = (
-        ("on Earth", delivery.earth_bit, INK, "solid"),
-        ("on Earth, best by area", delivery.best_earth_bit, GREY, "dot"),
-    )
-    for name, sent, colour, dash in ways[: 1 + is_proven(delivery)]:
-        times, received = on_earth(delivery, sent.astype(np.float64))
+    own, best = ("on Earth", INK, "solid"), ("on Earth, best by area", GREY, "dot")
+    ways = ((own, delivery.earth_bit.astype(np.float64)), (best, delivery.best_earth_bit))
+    for (name, colour, dash), sent in ways[: 1 + is_proven(delivery)]:
+        times, received = on_earth(delivery, sent)
         x, y = np.append(times, max(end, times[-1])) / axis.seconds, np.append(received, received[-1]) / unit.bits
         _curve(figure, 1, x, y, name, colour, dash)
     if (lost := delivery.lost_bit.sum(axis=1)).any():
@@ -272,25 +258,15 @@ def map_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
     for cells, words, colour in _classes(times, there):
         _cells(figure, corners[cells], words, AreaStyle(words, colour, ""))
     for reason, cells in cells_by_reason(delivery).items():
-        _cells(
-            figure, corners[cells], f"not delivered ({reason}): {_percent(area, cells):.2f} %", REASON_STYLES[reason]
-        )
+        words = f"not delivered ({reason}): {_percent(area, cells):.2f} %"
+        _cells(figure, corners[cells], words, REASON_STYLES[reason])
     unseen = delivery.tile_of_cell < 0
     if _percent(area, unseen) >= LEAST_PERCENT:
         _cells(figure, corners[unseen], f"not seen: {_percent(area, unseen):.2f} %", AreaStyle("", LIGHT_GREY, ""))
-    figure.update_xaxes(
-        title={"text": "east longitude [deg]" if several else "angle east of the target's centre [deg]", "standoff": 4},
-        showgrid=False,
-        zeroline=False,
-    )
-    figure.update_yaxes(
-        title="latitude [deg]" if several else "north [deg]",
-        showgrid=False,
-        zeroline=False,
-        scaleanchor="x",
-        scaleratio=1.0,
-        constrain="domain",
-    )
+    east = {"text": "east longitude [deg]" if several else "angle east of the target's centre [deg]", "standoff": 4}
+    bare, north = {"showgrid": False, "zeroline": False}, "latitude [deg]" if several else "north [deg]"
+    figure.update_xaxes(title=east, **bare)
+    figure.update_yaxes(title=north, scaleanchor="x", scaleratio=1.0, constrain="domain", **bare)
     figure.update_layout(height=MAP_PX, margin=MARGINS_PX, hovermode="closest", legend=_legend(MAP_PX), showlegend=True)
     return figure
 
@@ -329,20 +305,10 @@ def _cells(figure: go.Figure, corners: Array, name: str, style: AreaStyle) -> No
     closed = np.full((len(corners), 5, 2), np.nan)
     closed[:, :3], closed[:, 3] = corners, corners[:, 0]
     x, y = np.asarray(closed.reshape(-1, 2).T, np.float32)
-    pattern = {"shape": HATCHES[style.hatch[:1]], "fgcolor": GREY, "bgcolor": style.colour, "size": 8, "solidity": 0.25}
-    figure.add_trace(
-        go.Scatter(
-            x=x,
-            y=y,
-            mode="lines",
-            fill="toself",
-            fillcolor=style.colour,
-            fillpattern=pattern if style.hatch else None,
-            line={"color": "white", "width": 0.5},
-            name=name,
-            hoverinfo="name",
-        )
-    )
+    pattern = {**_pattern(style), "size": 8, "solidity": 0.25} if style.hatch else None
+    area: dict[str, Any] = {"fill": "toself", "fillcolor": style.colour, "fillpattern": pattern}
+    line = {"color": "white", "width": 0.5}
+    figure.add_trace(go.Scatter(x=x, y=y, mode="lines", line=line, name=name, hoverinfo="name", **area))
 
 
 def _percent(area: Array, cells: Mask) -> float:
@@ -355,13 +321,7 @@ def _finish(figure: go.Figure, run: RunRecord, delivery: Delivery, axis: TimeAxi
     first = min(float(delivery.edges_s[0]), last_arrival_s(run.scenario))
     first = max(first - BEFORE * (last - first), 0.0)
     marks = ((last_arrival_s(run.scenario), "dash"), (run.scenario.duration_s, "solid"))
-    shapes = [
-        {
-            "type": "line", "xref": "x", "yref": "paper", "x0": t / axis.seconds, "x1": t / axis.seconds, "y0": 0.0, "y1": 1.0,
-            "line": {"color": GREY, "width": 1.5, "dash": dash},
-        }
-        for t, dash in marks
-    ]  # fmt: skip
+    shapes = [marker(t / axis.seconds, GREY, dash) for t, dash in marks]
     figure.update_xaxes(range=[first / axis.seconds, last / axis.seconds], hoverformat=".4g")
     title = {"text": f"time since deployment [{axis.unit}]", "standoff": 4}
     figure.update_layout({"xaxis2" if "xaxis2" in figure.layout else "xaxis": {"title": title}})

@@ -66,22 +66,9 @@ def table(
         row_classes: A class for each row, or none at all.
     """
     body = []
-    for number, row in enumerate(rows):
-        name, *cells = row
-        body.append(
-            tag(
-                "tr",
-                tag("th", name, scope="row"),
-                [tag("td", cell) for cell in cells],
-                class_=row_classes[number] if row_classes else None,
-            )
-        )
-    grid = tag(
-        "table",
-        tag("caption", caption),
-        tag("thead", tag("tr", [tag("th", heading, scope="col") for heading in head])),
-        tag("tbody", body),
-        class_=class_,
-        id=id_,
-    )
+    for number, (name, *cells) in enumerate(rows):
+        own = row_classes[number] if row_classes else None
+        body.append(tag("tr", tag("th", name, scope="row"), [tag("td", cell) for cell in cells], class_=own))
+    top = tag("thead", tag("tr", [tag("th", heading, scope="col") for heading in head]))
+    grid = tag("table", tag("caption", caption), top, tag("tbody", body), class_=class_, id=id_)
     return tag("div", grid, class_="scroll", tabindex=0, role="region", aria_label=caption)

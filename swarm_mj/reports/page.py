@@ -95,28 +95,23 @@ def report_html(runs: Sequence[RunRecord]) -> str:
     labels = _labels(runs)
     title = labels[0] if len(runs) == 1 else f"{labels[0]} and {labels[1]}"
     style, scripts = _own(STYLE), [_own(name) for name in SCRIPTS]
-    page = tag(
-        "html",
-        tag(
-            "head",
-            tag("meta", charset="utf-8"),
-            tag("meta", http_equiv="Content-Security-Policy", content=POLICY),
-            tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
-            tag("title", f"swarm_mj: {title}"),
-            tag("style", Html(style)),
-        ),
-        tag(
-            "body",
-            _header(runs, labels),
-            tag("main", _sections(runs, replays, labels)),
-            _time_bar(runs),
-            tag("script", Html(safe_json(page_data(runs, replays, labels))), type="application/json", id="report-data"),
-            tag("script", Html(packed_plotly()), type="application/zlib", id="plotly"),
-            [tag("script", Html(script)) for script in scripts],
-        ),
-        lang="en",
-    )
-    return f"<!DOCTYPE html>\n{page}\n"
+    head = [
+        tag("meta", charset="utf-8"),
+        tag("meta", http_equiv="Content-Security-Policy", content=POLICY),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("title", f"swarm_mj: {title}"),
+        tag("style", Html(style)),
+    ]
+    data = Html(safe_json(page_data(runs, replays, labels)))
+    body = [
+        _header(runs, labels),
+        tag("main", _sections(runs, replays, labels)),
+        _time_bar(runs),
+        tag("script", data, type="application/json", id="report-data"),
+        tag("script", Html(packed_plotly()), type="application/zlib", id="plotly"),
+        [tag("script", Html(script)) for script in scripts],
+    ]
+    return f"<!DOCTYPE html>\n{tag('html', tag('head', head), tag('body', body), lang='en')}\n"
 
 
 @cache
@@ -162,13 +157,8 @@ def _header(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
     theme = tag("button", "◐ Theme", id="theme", type="button", aria_label="Switch between light and dark")
     links = [tag("a", part.capitalize(), href=f"#{part}") for part in parts]
     missing = tag("p", "The replay and the plots need JavaScript; the tables do not.", class_="warning")
-    return join(
-        [
-            tag("header", tag("div", tag("h1", title), words), theme),
-            tag("nav", links, aria_label="Parts of this page"),
-            tag("noscript", missing),
-        ]
-    )
+    top = tag("header", tag("div", tag("h1", title), words), theme)
+    return join([top, tag("nav", links, aria_label="Parts of this page"), tag("noscript", missing)])
 
 
 def _sections(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequence[str]) -> list[Html]:
@@ -186,25 +176,20 @@ def _sections(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequ
 
 
 def _replay_section(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequence[str]) -> Html:
-    scenes = [_scene_box(number, replays[number], labels[number], len(runs) > 1) for number in range(len(runs))]
+    two = len(runs) > 1
+    scenes = [_scene_box(k, *parts, two) for k, parts in enumerate(zip(replays, labels, strict=True))]
     words = "Pointing error, wheel speed, observed share and links over time"
     plots = [tag("div", id="plots", role="img", aria_label=words), tag("div", id="cursor", hidden=True)]
     now = [_now_table(*parts) for parts in zip(range(len(runs)), runs, replays, labels, strict=True)]
     columns = [tag("div", scenes, class_="scenes"), tag("div", plots, class_="plots")]
-    stage = tag("div", columns, class_="stage" if len(runs) == 1 else "stage two")
+    stage = tag("div", columns, class_="stage two" if two else "stage")
     return section("replay", "Replay", _choices(runs), stage, tag("div", now, class_="nows"))
 
 
 def _scene_box(number: int, replay: Replay, label: str, two: bool) -> Html:
-    picture = tag(
-        "div",
-        id=f"scene-{number}",
-        class_="plot3d",
-        tabindex=0,
-        role="application",
-        aria_label=f"3-D replay of {label}. Arrow keys turn it, plus and minus zoom.",
-        data_scene=number,
-    )
+    words = f"3-D replay of {label}. Arrow keys turn it, plus and minus zoom."
+    role: dict[str, Any] = {"tabindex": 0, "role": "application", "aria_label": words, "data_scene": number}
+    picture = tag("div", id=f"scene-{number}", class_="plot3d", **role)
     labels = tag("div", id=f"labels-{number}", class_="labels", aria_hidden="true")
     view = tag("div", picture, labels, class_="view3d")
     return tag("figure", tag("h3", label) if two else None, view, _camera_buttons(number), _key(replay))
@@ -284,19 +269,18 @@ def page_data(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequ
     """What the page's script works with."""
     figure = plot_run(runs[0], replays[0]) if len(runs) == 1 else plot_two(runs, replays, labels)
     longest = max(float(run.times[-1]) for run in runs)
+    modes = [
+        {"meaning": style.meaning, "colour": style.line_colour, "observing": bool(looks_at_body(mode))}
+        for mode, style in enumerate(MODE_STYLES)
+    ]
     return {
         "ink": INK,
         "axis_seconds": time_axis(longest).seconds,
         "arrival_s": last_arrival_s(runs[0].scenario),
-        "modes": [
-            {"meaning": style.meaning, "colour": style.line_colour, "observing": bool(looks_at_body(mode))}
-            for mode, style in enumerate(MODE_STYLES)
-        ],
+        "modes": modes,
         "plots": _plain(figure),
         "ways": {
-            box_id(number, name): _plain(way)
-            for number, run in enumerate(runs)
-            for name, way in delivery_figures(run).items()
+            box_id(k, name): _plain(way) for k, run in enumerate(runs) for name, way in delivery_figures(run).items()
         },
         "runs": [_run_data(*pair) for pair in zip(runs, replays, strict=True)],
     }
@@ -307,6 +291,7 @@ def _run_data(run: RunRecord, replay: Replay) -> dict[str, Any]:
     kept = scene.pop("target_kept")
     scene["first_seen"] = packed(run.coverage["first_seen_s"][kept])
     scene["first_seen_passage"] = packed(run.coverage["first_seen_s_passage"][kept])
+    shares = ("percent", "percent_passage", "percent_by", "percent_by_passage")
     return {
         "names": [run.names[j] for j in replay.shown],
         "body": run.scenario.body.name,
@@ -316,10 +301,7 @@ def _run_data(run: RunRecord, replay: Replay) -> dict[str, Any]:
         "wheel": f32(replay.wheel_rpm),
         "mode": packed(replay.mode),
         "link": packed(replay.link),
-        "percent": f32(replay.percent),
-        "percent_passage": f32(replay.percent_passage),
-        "percent_by": f32(replay.percent_by),
-        "percent_by_passage": f32(replay.percent_by_passage),
+        **{name: f32(getattr(replay, name)) for name in shares},
         "path_points": path_points(len(replay.times)).tolist(),
         "max_paths": MAX_PATHS,
         "max_named": MAX_NAMED,

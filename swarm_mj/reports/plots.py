@@ -107,7 +107,7 @@ def _frame(run: RunRecord, names: Sequence[str], timeline_rows: int) -> go.Figur
         legend2={"orientation": "h", "x": 0.0, "y": -LEGEND_BELOW_PX / inside, "yanchor": "top"},
         height=inside + MARGINS_PX["t"] + MARGINS_PX["b"],
         uirevision="kept",
-        shapes=[_marker(last_arrival_s(run.scenario) / axis.seconds, GREY, "dash")],
+        shapes=[marker(last_arrival_s(run.scenario) / axis.seconds, GREY, "dash")],
     )
     return figure
 
@@ -125,7 +125,7 @@ def _headline(figure: go.Figure, row: int, text: str) -> None:
     figure.add_annotation(text=text, showarrow=False, yanchor="bottom", **place)
 
 
-def _marker(x: float, colour: str, dash: str) -> dict[str, Any]:
+def marker(x: float, colour: str, dash: str) -> dict[str, Any]:
     """A vertical line through all plots."""
     line = {"color": colour, "width": 1.5, "dash": dash}
     return {"type": "line", "x0": x, "x1": x, "xref": "x", "y0": 0.0, "y1": 1.0, "yref": "paper", "line": line}
@@ -134,20 +134,10 @@ def _marker(x: float, colour: str, dash: str) -> dict[str, Any]:
 def _curve(
     figure: go.Figure, row: int, x: Array, y: Any, name: str, line: dict[str, Any], *, legend: bool = False
 ) -> None:
-    figure.add_trace(
-        go.Scatter(
-            x=np.asarray(x, np.float32),
-            y=np.asarray(y, np.float32),
-            name=name,
-            mode="lines",
-            line=line,
-            legendgroup=name,
-            showlegend=legend,
-            hovertemplate="%{y:.2e}" if row == 1 else "%{y:.4g}",
-        ),
-        row=row,
-        col=1,
-    )
+    x, y = np.asarray(x, np.float32), np.asarray(y, np.float32)
+    curve = go.Scatter(x=x, y=y, name=name, mode="lines", line=line, legendgroup=name, showlegend=legend)
+    curve.hovertemplate = "%{y:.2e}" if row == 1 else "%{y:.4g}"
+    figure.add_trace(curve, row=row, col=1)
 
 
 def _spacecraft_curves(
@@ -197,23 +187,16 @@ def _timeline(figure: go.Figure, run: RunRecord, replay: Replay, axis: TimeAxis)
         _bars(figure, times, flags, 0.0, style.words, style.line_colour, 9)
     below = LINK_BELOW_PX * rows / max(LOWEST_PX, ROW_PX * rows)
     _bars(figure, times, replay.link[:, :rows] == 1, below, "link closed", INK, 4)
-    feeler = {
-        "mode": "lines",
-        "opacity": 0.0,
-        "showlegend": False,
-        "hoverinfo": "none",
-    }  # bars have no point at most times
+    # Bars have no point at most times.
+    feeler: dict[str, Any] = {"mode": "lines", "opacity": 0.0, "showlegend": False, "hoverinfo": "none"}
     figure.add_trace(go.Scatter(x=times, y=np.full(len(times), (rows - 1) / 2), **feeler), row=4, col=1)
-    names = [run.names[j] for j in replay.shown[:rows]]
-    figure.update_yaxes(
-        tickvals=list(range(rows)),
-        ticktext=names,
-        range=[rows - 0.4, -0.6],
-        showgrid=False,
-        fixedrange=True,
-        row=4,
-        col=1,
-    )
+    name_rows(figure, [run.names[j] for j in replay.shown[:rows]], row=4, col=1)
+
+
+def name_rows(figure: go.Figure, names: Sequence[str], **place: int) -> None:
+    """Let the vertical axis name rows, the first on top."""
+    ticks, span = {"tickvals": list(range(len(names))), "ticktext": names}, [len(names) - 0.4, -0.6]
+    figure.update_yaxes(**ticks, range=span, showgrid=False, fixedrange=True, **place)
 
 
 def _bars(figure: go.Figure, times: Array, flags: Mask, offset: float, name: str, colour: str, width: int) -> None:

@@ -35,21 +35,13 @@ RAYS_PER_SIDE = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """How much of a run a page shows.
+    """How much of a run a page shows."""
 
-    Attributes:
-        samples: Instants.
-        values: Instants times spacecraft.
-        spacecraft: Spacecraft in the replay.
-        faces: Faces of the body, and cells of the target.
-        rays: Instants times rays of the pictures' borders.
-    """
-
-    samples: int = 1_500
-    values: int = 80_000
+    samples: int = 1_500  # instants
+    values: int = 80_000  # instants times spacecraft
     spacecraft: int = 800
-    faces: int = 16_000
-    rays: int = 400_000
+    faces: int = 16_000  # of the body, and cells of the target
+    rays: int = 400_000  # instants times rays of the pictures' borders
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,6 +158,9 @@ def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.in
     C_BA = dcm(telemetry["sigma_BN"].values[:, shown]) @ np.swapaxes(C_AN, 1, 2)[:, None]
     reach = np.maximum(np.linalg.norm(r_A, axis=2).max(axis=1), np.linalg.norm(vertices, axis=1).max())
     ground = _Ground(vertices, faces)
+    # First and last of the instants shown that are near the body; of all where it is passed in no small part of the flight.
+    passed = _encounter(run) or slice(0, len(run.times))
+    near = np.flatnonzero((samples >= passed.start) & (samples < passed.stop))
     tracked = telemetry["tracked_spacecraft"].values[:, shown]
     length = _lengths(ground, r_A, shown, C_BA, mode, tracked, FREE_AXIS * reach[:, None])
     scene = {
@@ -180,7 +175,7 @@ def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.in
         "sun": f32(_directions(C_AN, run.telemetry.attrs["sun_N_m"])),
         "earth": f32(_directions(C_AN, run.telemetry.attrs["earth_N_m"])),
         "C_AN": f32(C_AN),
-        "near": _near(run, samples),
+        "near": [int(near[0]), int(near[-1])],
     }
     observers = shown[: min(run.n_observers, len(shown))]
     rays = border_rays(run.scenario.camera.half_angle_deg, run.scenario.camera.shape)
@@ -190,13 +185,6 @@ def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.in
         taken = watching_in(telemetry, run.n_observers)[:, observers]
         scene["ray_length"] = f32(_border_lengths(ground, r_A[:, observers], C_BA[:, observers], rays, taken) / KM)
     return scene
-
-
-def _near(run: RunRecord, samples: Indices) -> list[int]:
-    """First and last of the instants shown that are near the body; of all where it is passed in no small part of the flight."""
-    near = _encounter(run) or slice(0, len(run.times))
-    shown = np.flatnonzero((samples >= near.start) & (samples < near.stop))
-    return [int(shown[0]), int(shown[-1])]
 
 
 class _Ground:

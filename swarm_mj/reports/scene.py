@@ -37,57 +37,24 @@ UNLIT = {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0, "rough
 
 def scene_figure(run: RunRecord, replay: Replay) -> go.Figure:
     """Body, target, paths, spacecraft, lines of sight and borders of pictures; every trace carries its part in `meta`."""
-    figure = go.Figure()
-    scene = replay.scene
-    figure.add_traces(
-        [
-            _mesh("body", scene["body_vertices"], scene["body_faces"], hoverinfo="skip", colorscale=_ramp(GROUND)),
-            _mesh(
-                "target",
-                scene["target_vertices"],
-                scene["target_faces"],
-                intensitymode="cell",
-                colorscale=_two_ramps(ORANGE, SKY_BLUE),
-                hovertext=cell_texts(run, scene["target_kept"]),
-                hoverinfo="text",
-            ),
-            _lines("paths", color=GREY, width=2),
-            _lines("views", color=INK, width=2),
-            _lines("sight", width=3),
-            go.Scatter3d(
-                meta="speck",
-                x=[0.0],
-                y=[0.0],
-                z=[0.0],
-                mode="markers",
-                marker={"size": 4, "color": GREY},
-                hoverinfo="skip",
-            ),
-            _spots(
-                "mothership",
-                marker={"symbol": "square", "size": 5, "color": INK},
-                hovertext=["mothership at deployment"],
-            ),
-            _lines("directions", color=INK, width=3),
-            _spots(
-                "spacecraft",
-                marker={"size": 7, "line": {"width": 1, "color": "white"}},
-                hovertemplate="%{hovertext}<extra></extra>",
-            ),
-        ]
-    )
-    figure.update_layout(
-        showlegend=False,
-        margin={"l": 0, "r": 0, "t": 0, "b": 0},
-        scene={
-            **{axis: NO_AXIS for axis in ("xaxis", "yaxis", "zaxis")},
-            "aspectmode": "data",
-            "dragmode": "orbit",
-            "camera": {"projection": {"type": "perspective"}},
-        },
-        uirevision="kept",
-    )
-    return figure
+    cells: dict[str, Any] = {"hovertext": cell_texts(run, replay.scene["target_kept"]), "hoverinfo": "text"}
+    ship, crew = {"symbol": "square", "size": 5, "color": INK}, {"size": 7, "line": {"width": 1, "color": "white"}}
+    traces = [
+        _mesh("body", hoverinfo="skip", colorscale=_ramp(GROUND)),
+        _mesh("target", intensitymode="cell", colorscale=_two_ramps(ORANGE, SKY_BLUE), **cells),
+        _lines("paths", color=GREY, width=2),
+        _lines("views", color=INK, width=2),
+        _lines("sight", width=3),
+        _spots("speck", x=[0.0], y=[0.0], z=[0.0], marker={"size": 4, "color": GREY}, hoverinfo="skip"),
+        _spots("mothership", marker=ship, hovertext=["mothership at deployment"]),
+        _lines("directions", color=INK, width=3),
+        _spots("spacecraft", marker=crew, hovertemplate="%{hovertext}<extra></extra>"),
+    ]
+    camera = {"projection": {"type": "perspective"}}
+    axes = dict.fromkeys(("xaxis", "yaxis", "zaxis"), NO_AXIS)
+    scene = {**axes, "aspectmode": "data", "dragmode": "orbit", "camera": camera}
+    margin = dict.fromkeys("lrtb", 0)
+    return go.Figure(traces, {"showlegend": False, "margin": margin, "scene": scene, "uirevision": "kept"})
 
 
 def path_points(count: int) -> Indices:
@@ -113,7 +80,7 @@ def cell_texts(run: RunRecord, kept: Ints) -> list[str]:
     return texts
 
 
-def _mesh(part: str, vertices: dict[str, Any], faces: dict[str, Any], **style: Any) -> go.Mesh3d:
+def _mesh(part: str, **style: Any) -> go.Mesh3d:
     """A mesh whose arrays the script fills in from those it has anyway."""
     return go.Mesh3d(
         meta=part, x=[], y=[], z=[], i=[], j=[], k=[], intensity=[], cmin=0, cmax=1, showscale=False, lighting=UNLIT, **style
@@ -125,7 +92,7 @@ def _lines(part: str, **line: Any) -> go.Scatter3d:
 
 
 def _spots(part: str, **style: Any) -> go.Scatter3d:
-    return go.Scatter3d(meta=part, x=[], y=[], z=[], **{"mode": "markers", "hoverinfo": "text", **style})
+    return go.Scatter3d(meta=part, **{"x": [], "y": [], "z": [], "mode": "markers", "hoverinfo": "text", **style})
 
 
 def _ramp(colour: str) -> list[list[Any]]:

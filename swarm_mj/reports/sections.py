@@ -37,23 +37,21 @@ def summary_section(run: RunRecord) -> Html:
     """The numbers a reader asks for first, and what to know before believing them."""
     summary = run.summary
     late = summary["pointing_error_deg_before_switch"]
+    lost = f", {len(summary['lost'])} lost by the end" if summary.get("lost") else ""
+    size = shown_size(1e6 * summary["target_area_km2"], 2).replace("^2", "²")
     numbers = [
         (P_TO, percent_text(summary["coverage_percent"]), _criterion(summary)),
         *_delivered(summary),
         ("observed, whole passage", percent_text(summary["coverage_percent_passage"]), f"{summary['images']} pictures"),
         *_sampled(summary),
         *_blurred(summary),
-        ("spacecraft", str(summary["spacecraft"]), f"{summary['observers']} of them observe{_lost_words(summary)}"),
+        ("spacecraft", str(summary["spacecraft"]), f"{summary['observers']} of them observe{lost}"),
         _pointed(summary),
         ("pointing error before a switch", f"{short(max(late.values()))}°" if late else "–", "largest of the swarm"),
         ("fastest wheel", f"{100 * summary['max_wheel_speed_fraction']:.0f} %", "of its limit"),
         ("links closed at the end", f"{summary['links_closed_final']} of {summary['spacecraft']}", "spacecraft"),
         ("deployment Δv, at most", f"{max(summary['deployment_delta_v_m_s'].values()):.2f} m/s", "of one spacecraft"),
-        (
-            "target",
-            shown_size(1e6 * summary["target_area_km2"], 2).replace("^2", "²"),
-            f"{summary['target_faces']} faces",
-        ),
+        ("target", size, f"{summary['target_faces']} faces"),
     ]
     cards = [tag("div", tag("dt", name), tag("dd", value, tag("small", note))) for name, value, note in numbers]
     return section("summary", "Summary", tag("dl", cards, class_="numbers"), findings_list(run))
@@ -92,14 +90,10 @@ def _sampled(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
 
 def _blurred(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     """How far faces moved over the detector at the arrival, where the camera has an exposure."""
-    motion_blur = summary.get("motion_blur_px_arrival")
-    if motion_blur is None:
-        return []
-    value = f"{short(motion_blur['median'])} px" if motion_blur else "–"
-    note = (
-        f"median at the arrival; worst {short(motion_blur['max'])} px" if motion_blur else "no picture at the arrival"
-    )
-    return [("motion blur", value, note)]
+    blur = summary.get("motion_blur_px_arrival")
+    if not blur:
+        return [] if blur is None else [("motion blur", "–", "no picture at the arrival")]
+    return [("motion blur", f"{short(blur['median'])} px", f"median at the arrival; worst {short(blur['max'])} px")]
 
 
 def _pointed(summary: dict[str, Any]) -> tuple[str, str, str]:
@@ -108,11 +102,6 @@ def _pointed(summary: dict[str, Any]) -> tuple[str, str, str]:
     error, known = (f"{short(max(found.values()))}°" if found else "" for found in (error, known))
     note = f"sensors: {summary.get('sensors', '–')}" + (f", which know it to {known}" if known else "")
     return "pointing error at the arrival", error or "–", note
-
-
-def _lost_words(summary: dict[str, Any]) -> str:
-    lost = len(summary.get("lost", ()))
-    return f", {lost} lost by the end" if lost else ""
 
 
 def findings_list(run: RunRecord) -> Html | None:
@@ -214,42 +203,34 @@ def _proof(run: RunRecord, record: dict[str, Any]) -> Html:
         words = f"Not proven to be the fewest: at least {proof['lower_bound']:g} observers are needed to see {task}."
     names = {"repair": "genetic algorithm with repair", "plain": "genetic algorithm"}
     first = "best so far" if proof["status"] == "interrupted" else "exact solver"
-    rows = [(first, proof["minimum"], proof["covered_percent"], proof["visiting_points"], None, proof["seconds"])]
+    rows = [_method(first, proof, proof["minimum"], proof["visiting_points"], "–")]
     for name, found in record["genetic"].items():
-        rows.append(
-            (names.get(name, name), found["n_observers"], found["covered_percent"], found["gene_map"][1:],
-             found["designs_explored"], found["seconds"])
-        )  # fmt: skip
-    cells = [
-        (
-            name,
-            str(n),
-            f"{covered:.2f}",
-            " ".join(map(str, points)),
-            "–" if explored is None else f"{explored:,}",
-            f"{s:.2f}",
-        )
-        for name, n, covered, points, explored, s in rows
-    ]
+        explored = f"{found['designs_explored']:,}"
+        rows.append(_method(names.get(name, name), found, found["n_observers"], found["gene_map"][1:], explored))
     head = ("method", "observers", Html("P<sub>TO</sub> [%]"), "points", "designs explored", "time [s]")
     flown = f"Flown: the design of the {record['selected_by']}."
+    warning = (
+        f"The proof does not hold for this run, which differs from what the design was made for: {'; '.join(other)}."
+    )
     return join(
         [
-            _withdrawal(other),
+            tag("p", warning, class_="warning") if other else None,
             tag("p", tag("strong", words), " ", flown),
-            table(head, cells, caption="How the design was found", class_="numeric method"),
+            table(head, rows, caption="How the design was found", class_="numeric method"),
         ]
     )
 
 
-def _withdrawal(other: Sequence[str]) -> Html | None:
-    """What a reader must know where the proof was made for another case than the one flown."""
-    if not other:
-        return None
-    words = (
-        f"The proof does not hold for this run, which differs from what the design was made for: {'; '.join(other)}."
+def _method(name: str, found: dict[str, Any], n: int, points: Sequence[int], explored: str) -> tuple[str, ...]:
+    """The row of a way to find designs."""
+    return (
+        name,
+        str(n),
+        f"{found['covered_percent']:.2f}",
+        " ".join(map(str, points)),
+        explored,
+        f"{found['seconds']:.2f}",
     )
-    return tag("p", words, class_="warning")
 
 
 def flat_parameters(scenario: Scenario) -> dict[str, Any]:
@@ -287,20 +268,14 @@ def parameters_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html
 
 
 def _grouped(keys: Sequence[str], flat: dict[str, Any]) -> list[Html]:
-    groups: dict[str, list[str]] = {}
+    groups: dict[str, list[tuple[str, str, str]]] = {}
     for key in keys:
-        groups.setdefault(key.split(".")[0] if "." in key else "scenario", []).append(key)
+        name = key.split(".")[0] if "." in key else "scenario"
+        groups.setdefault(name, []).append((key, _value(flat[key]), meaning(key)))
+    head = ("parameter", "value", "meaning")
     return [
-        tag(
-            "details",
-            tag("summary", name),
-            table(
-                ("parameter", "value", "meaning"),
-                [(key, _value(flat[key]), meaning(key)) for key in members],
-                caption=f"Parameters of {name}",
-            ),
-        )
-        for name, members in groups.items()
+        tag("details", tag("summary", name), table(head, rows, caption=f"Parameters of {name}"))
+        for name, rows in groups.items()
     ]
 
 
@@ -405,15 +380,8 @@ def has_thrusters(run: RunRecord) -> bool:
 
 
 def _propulsion_table(run: RunRecord, label: str) -> Html:
-    columns = [
-        (run.summary.get(key, {}), factor)
-        for key, factor in (
-            ("planned_burns_m_s", 1.0),
-            ("thrust_delta_v_m_s", 1.0),
-            ("propellant_used_kg", 1e3),
-            ("propellant_left_kg", 1e3),
-        )
-    ]
+    keys = {"planned_burns_m_s": 1.0, "thrust_delta_v_m_s": 1.0, "propellant_used_kg": 1e3, "propellant_left_kg": 1e3}
+    columns = [(run.summary.get(key, {}), factor) for key, factor in keys.items()]
     rows = [
         (name, *(short(factor * values[name]) if name in values else "–" for values, factor in columns))
         for name in run.names

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from swarm_mj.figures.run_figures import composers, draw
+from swarm_mj.figures.drawing import composers
+from swarm_mj.figures.run_figures import draw
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import add_coverage, observe_flight
 from swarm_mj.smallbody.shape import ShapeModel

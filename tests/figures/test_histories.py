@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from swarm_mj.figures.coverage import percent_over_time
+from swarm_mj.figures.curves import percent_over_time
 from swarm_mj.figures.histories import angular_momenta_B
 from swarm_mj.figures.run_figures import COMPOSERS
 from swarm_mj.flight.fly import simulate

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from swarm_mj.figures.footprints import view_margin
-from swarm_mj.figures.ground_track import mark_interval
+from swarm_mj.figures.map_figures import mark_interval, view_margin
 from swarm_mj.figures.maps import (
     MapExtent,
     directions,
@@ -13,7 +12,7 @@ from swarm_mj.figures.maps import (
     latitude_longitude,
     name_map,
     survey,
-    target_outline,
+    target_outlines,
     whole_body,
 )
 from swarm_mj.observation.camera import CameraModel, look_at
@@ -59,7 +58,7 @@ def test_places_without_ground_are_not_numbers(cube):
 
 def test_outline_of_the_target_lies_on_the_pyramids_sides(quick_plan):
     region = quick_plan.region
-    east, north, up = (target_outline(region) @ region.axes_A.T).T
+    east, north, up = (target_outlines(region)[0] @ region.axes_A.T).T
     assert np.maximum(np.abs(east), np.abs(north)) / up == pytest.approx(np.tan(region.side_half_angle))
     assert (east[0], north[0]) == pytest.approx((east[-1], north[-1]))
 

@@ -8,10 +8,10 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 
-from swarm_mj.figures.framing import FAR, FAR_RADII, near_arrival
+from swarm_mj.figures.drawing import composers
 from swarm_mj.figures.palette import DASHES, SPACECRAFT
-from swarm_mj.figures.run_figures import COMPOSERS, composers
-from swarm_mj.figures.scene import scene_from
+from swarm_mj.figures.run_figures import COMPOSERS
+from swarm_mj.figures.scene import FAR, FAR_RADII, near_arrival, scene_from
 from swarm_mj.figures.style import TICK_PT
 from swarm_mj.figures.timescale import SHORT, STRETCHED, TimeScale, time_scale
 from swarm_mj.figures.units import TimeAxis

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from swarm_mj.figures.optional_figures import OPTIONAL, figures_of
-from swarm_mj.figures.propulsion import mean_thrust
-from swarm_mj.figures.run_figures import COMPOSERS, composers
+from swarm_mj.figures.curves import mean_thrust
+from swarm_mj.figures.drawing import OPTIONAL, composers, figures_of
+from swarm_mj.figures.run_figures import COMPOSERS
 from swarm_mj.io.atomic import FIGURES
 
 

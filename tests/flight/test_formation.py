@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from swarm_mj.dataflow.contacts import Contacts
 from swarm_mj.errors import ScenarioError
-from swarm_mj.figures.formation import compose_formation
+from swarm_mj.figures.curves import compose_formation
 from swarm_mj.flight.coordination import crosslinks_left
 from swarm_mj.flight.fly import make_simulation, simulate
 from swarm_mj.flight.formation import formation_law

@@ -264,7 +264,7 @@ def test_folders_that_were_made_for_a_result_go_with_it_and_others_stay(tmp_path
 
 def test_the_names_of_a_results_files_are_those_that_are_written(tmp_path, monkeypatch):
     from swarm_mj.figures.design_figures import COMPOSERS as OF_DESIGNS
-    from swarm_mj.figures.optional_figures import OPTIONAL
+    from swarm_mj.figures.drawing import OPTIONAL
     from swarm_mj.figures.run_figures import COMPOSERS
     from swarm_mj.reports import REPORT_NAME
 

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -109,7 +110,7 @@ def test_the_status_tells_time_speed_share_and_roles(flown):
 
 def test_keys_pause_and_change_speed(flown):
     player = Player(LiveFlight(flown[0]), 10.0)
-    press = viewer._keys(player)
+    press = partial(viewer._press, player)
     press(ord(" "))
     press(ord("="))
     press(ord("R"))

@@ -7,7 +7,7 @@ import pytest
 
 from swarm_mj.rendering.picture import Drawing
 from swarm_mj.rendering.replay import Replay
-from swarm_mj.rendering.transfers import BEATS, PACKETS, Way, packets, transfers_of, ways, words
+from swarm_mj.rendering.transfers import BEATS, PACKETS, packets, transfers_of, ways, words
 from tests.records.deliveries import delivery_of
 
 
@@ -58,9 +58,9 @@ def test_packets_go_from_sender_to_receiver_at_an_even_pace(film, delivery):
     beat_s = film.duration / BEATS
     t = beat_s * np.ceil(delivery.edges_s[slot] / beat_s) + 0.1
     before, after = film.at(t), film.at(t + 0.4 * beat_s)
-    (way,) = ways(before, 1.0)
-    assert np.array_equal(way.start, before.r_BN_N[0]) and np.array_equal(way.end, before.r_BN_N[1])
-    line = Way(np.zeros(3), np.array([0.0, 0.0, 9.0]))
+    ((start, end),) = ways(before, 1.0)
+    assert np.array_equal(start, before.r_BN_N[0]) and np.array_equal(end, before.r_BN_N[1])
+    line = (np.zeros(3), np.array([0.0, 0.0, 9.0]))
     moved = packets(after, line)[:, 2] - packets(before, line)[:, 2]
     assert moved == pytest.approx(np.full(PACKETS, 0.4 * 9.0 / PACKETS), rel=1e-6)
     assert (np.diff(packets(before, line)[:, 2]) == pytest.approx(9.0 / PACKETS)) and packets(before, line).min() >= 0.0
@@ -69,8 +69,8 @@ def test_packets_go_from_sender_to_receiver_at_an_even_pace(film, delivery):
 def test_lines_to_earth_point_where_the_dish_points(film, delivery):
     slot = int(np.flatnonzero(delivery.earth_bit.any(axis=1))[0])
     now = film.at(delivery.edges_s[slot] + 5.0)
-    (way,) = ways(now, 1.0)
-    along = (way.end - way.start) / np.linalg.norm(way.end - way.start)
+    ((start, end),) = ways(now, 1.0)
+    along = (end - start) / np.linalg.norm(end - start)
     assert along == pytest.approx(now.boresight_N[1])
 
 

@@ -20,7 +20,6 @@ from swarm_mj.errors import OutputError, SwarmError
 from swarm_mj.io.atomic import result_in
 from swarm_mj.io.records import read_record, reading
 from swarm_mj.records import findings
-from swarm_mj.records.design_files import SIGHTINGS, read_sightings
 from swarm_mj.records.run_files import read_coverage
 from swarm_mj.records.run_record import read_run
 from swarm_mj.records.summary_schema import RunSummary, contradiction
@@ -29,7 +28,7 @@ from swarm_mj.scenarios.loading import design_section
 from swarm_mj.simulator.telemetry import read_telemetry
 
 from .limits import bounded
-from .spoilt_results import npz, spoilt_json, spoilt_npz, spoilt_telemetry
+from .spoilt_results import spoilt_json, spoilt_npz, spoilt_telemetry
 
 pytestmark = pytest.mark.robust
 
@@ -112,16 +111,6 @@ def test_policies_are_refused_in_one_line_or_act(tmp_path):
 
     accepted, refused = answers(tmp_path / "policy.npz", islice(spoilt_npz(packaged), 0, None, 3), read)
     assert refused > 40 and accepted >= 1
-
-
-def test_sightings_are_refused_in_one_line_or_read(tmp_path):
-    arrays = {
-        "sees": np.eye(3, 4, dtype=bool), "area": np.ones(4), "delta_v": np.ones(3), "candidates": np.ones((3, 5)),
-        "history_plain": np.ones((5, 3)),
-    }  # fmt: skip
-    assert arrays.keys() < SIGHTINGS.keys()
-    accepted, refused = answers(tmp_path / "sightings.npz", spoilt_npz(npz(arrays)), read_sightings)
-    assert refused > 50 and accepted >= 3
 
 
 def test_manifests_of_campaigns_are_refused_in_one_line_or_resumed(tmp_path):

@@ -1,6 +1,9 @@
-"""Footprints of the pictures on a map, with the target outlined and what was observed of it."""
+"""Maps of the ground: the places below each spacecraft, and the footprints of the pictures with what was observed."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,10 +14,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from scipy.ndimage import gaussian_filter
 
-from swarm_mj.figures.ground_track import MAX_NUMBERED, number_places
 from swarm_mj.figures.maps import (
     Ground,
     MapExtent,
+    draw_places,
     draw_track,
     latitude_longitude,
     map_aspect,
@@ -24,18 +27,116 @@ from swarm_mj.figures.maps import (
     target_outlines,
     whole_body,
 )
-from swarm_mj.figures.palette import BLACK, ORANGE, SKY_BLUE, SPACECRAFT, Dashes, spacecraft_styles
-from swarm_mj.figures.panels import legend_below
-from swarm_mj.figures.style import caption, new_figure, note_of_omission, shown_spacecraft
-from swarm_mj.figures.timescale import arrival_words
-from swarm_mj.figures.units import time_axis
+from swarm_mj.figures.numbering import number_beside
+from swarm_mj.figures.palette import (
+    BLACK,
+    GREEN,
+    GREY,
+    ORANGE,
+    SKY_BLUE,
+    SPACECRAFT,
+    Dashes,
+    spacecraft_colours,
+    spacecraft_styles,
+)
+from swarm_mj.figures.panels import legend_below, spacecraft_handles
+from swarm_mj.figures.scene import scene_from
+from swarm_mj.figures.style import HALO, caption, new_figure, note_of_omission, shown_spacecraft
+from swarm_mj.figures.timescale import arrival_words, time_scale
+from swarm_mj.figures.units import instant, time_axis
 from swarm_mj.figures.view import HIDING_DEPTH, depth_of, face_colours, tracer_of, unit
-from swarm_mj.flight.observe import ObservationResult, arrival_samples, camera_from, flight_pictures
+from swarm_mj.flight.observe import ObservationResult, arrival_sample, arrival_samples, camera_from, flight_pictures
 from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.coverage import percent_text
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Indices
+
+TRACK_COLUMNS = 720
+#: Corners of a track; a flyby bends little.
+TRACK_POINTS = 1000
+#: A track is marked at about so many instants.
+TIME_MARKS = 10
+#: More spacecraft than these are not numbered: the numbers would cover each other.
+MAX_NUMBERED = 12
+
+
+def compose_ground_track(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """The places below each spacecraft, with the target and the ground in the light of the arrival."""
+    scene, mesh = scene_from(plan, telemetry), plan.region.mesh
+    arrival = arrival_sample(plan.scenario)
+    time, axis = scene.times[arrival], time_axis(plan.scenario.duration_s)
+    figure = new_figure(5.7, f"Ground track: {plan.scenario.name}")
+    ax = figure.subplots()
+    window = whole_body(plan.scenario.target.longitude_deg)
+    C_AN = plan.environment.C_AN(time)
+    sun, earth = (unit(C_AN @ motion.at(time)) for motion in (plan.environment.sun, plan.environment.earth))
+    ground = survey(mesh, window, TRACK_COLUMNS)
+    paint(ax, ground, mesh, face_colours(mesh, []), sun)
+    for outline in target_outlines(plan.region):
+        draw_track(ax, outline, window.centre_longitude, color=BLACK, linewidth=1.8)
+    step = mark_interval(plan.scenario.duration_s)
+    marks = np.searchsorted(scene.times, np.arange(0.0, scene.times[-1], step) - 1e-6)
+    track = time_scale(plan, telemetry).samples(scene.times, TRACK_POINTS)
+    _draw_tracks(ax, scene.r_A, track, marks, arrival, window)
+    draw_places(ax, sun[None], window.centre_longitude, marker="*", markersize=15, color=ORANGE, mec=BLACK, zorder=6)
+    draw_places(ax, earth[None], window.centre_longitude, marker="P", markersize=9, color=GREEN, mec=BLACK, zorder=6)
+    name_map(ax, window)
+    caption(ax, f"circles and light: the arrival, t = {instant(time, axis)}; without cast shadows")
+    legend_below(figure, _track_handles(plan, instant(step, axis)))
+    return figure
+
+
+def mark_interval(duration_s: float) -> float:
+    """A round number of seconds or minutes between marks on a track [s]."""
+    steps = [m * unit_s for unit_s in (1.0, 60.0, 3600.0, 86_400.0) for m in (1, 2, 5, 10, 20, 30)]
+    return float(next((step for step in steps if step * TIME_MARKS >= duration_s), steps[-1]))
+
+
+def _draw_tracks(ax: Axes, r_A: Array, track: Indices, marks: Indices, arrival: int, window: MapExtent) -> None:
+    n = r_A.shape[1]
+    many, centre = n > len(SPACECRAFT), window.centre_longitude
+    for j, line in enumerate(spacecraft_styles(n)):
+        style = {"color": line["color"], "zorder": 4}
+        width, effects = (0.8, ()) if many else (1.8, HALO)
+        draw_track(ax, r_A[track, j], centre, linewidth=width, path_effects=effects, zorder=4, **line)
+        draw_places(ax, r_A[marks, j], centre, marker=".", markersize=3 if many else 6, **style)
+        draw_places(ax, r_A[arrival, j : j + 1], centre, marker="o", markersize=4 if many else 7, mec="white", **style)
+        draw_places(ax, r_A[-1:, j], centre, marker="s", markersize=3 if many else 6, mec="white", **style)
+    if n <= MAX_NUMBERED:
+        tracks = [np.stack(latitude_longitude(r_A[track, j], centre)[::-1], axis=1) for j in range(n)]
+        number_places(ax, r_A[arrival], centre, spacecraft_colours(n), lines=tracks)
+
+
+def number_places(
+    ax: Axes,
+    points_A: Array,
+    centre_longitude: float,
+    colours: list[str],
+    *,
+    numbers: Sequence[int] | None = None,
+    lines: Sequence[Array] = (),
+    marked: bool = True,
+) -> None:
+    """Put the number of each spacecraft beside its place (n, 3) on a map, as `number_beside` does."""
+    latitude, longitude = latitude_longitude(points_A, centre_longitude)
+    number_beside(ax, np.column_stack((longitude, latitude)), colours, numbers=numbers, lines=lines, marked=marked)
+
+
+def _track_handles(plan: Plan, step: str) -> list[Line2D]:
+    def mark(name: str, marker: str, size: float, colour: str = BLACK, edge: str | None = None) -> Line2D:
+        return Line2D([], [], color=colour, marker=marker, markersize=size, mec=edge, linestyle="none", label=name)
+
+    return [
+        *spacecraft_handles(plan, np.arange(plan.n), 1.8, together=f"each of {plan.n} spacecraft"),
+        mark(f"every {step}", ".", 6, GREY),
+        mark("arrival", "o", 7, GREY, "white"),
+        mark("end", "s", 6, GREY, "white"),
+        Line2D([], [], color=BLACK, linewidth=1.8, label="target"),
+        mark("subsolar point", "*", 13, ORANGE, BLACK),
+        mark("sub-Earth point", "P", 8, GREEN, BLACK),
+    ]
+
 
 #: Places along a parallel: on the map, about as many as the picture has points, and when looking for what it must hold.
 COLUMNS, SEARCH_COLUMNS = 600, 120
@@ -83,29 +184,17 @@ def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationRes
         outlines += _outline(ax, ground, margin, linewidth=width, **lines[j])
     name_map(ax, window)
     _number(ax, plan, poses, mesh, window, colours, outlines)
-    axis = time_axis(scenario.duration_s)
-    percent = result.coverage.percent
-    caption(
-        ax,
-        f"outlines: {arrival_words(scenario, axis)}; "
-        f"half-angle {camera.half_angle_deg:g}\N{DEGREE SIGN}; $P_{{TO}}$ = {percent_text(percent)}",
-    )
+    words = f"half-angle {camera.half_angle_deg:g}\N{DEGREE SIGN}; $P_{{TO}}$ = {percent_text(result.coverage.percent)}"
+    caption(ax, f"outlines: {arrival_words(scenario, time_axis(scenario.duration_s))}; {words}")
     legend_below(figure, _handles(plan, result, {j: colours[j] for j in poses}, whole))
     return figure
 
 
 def view_margin(camera: CameraModel, pose: CameraPose, ground: Ground, body: ShapeModel) -> Array:
-    """How far inside a picture each place of a map lies: above zero where the picture holds it.
+    """How far inside a picture each place of a map lies: above zero where the picture holds it, shape (r, c).
 
-    Args:
-        camera: The camera.
-        pose: Where it is.
-        ground: The places.
-        body: The mesh that hides some of them.
-
-    Returns:
-        The lesser of two measures that cross zero where a footprint ends, shape (r, c): the distance to the picture's edge
-        over half its width, and the cosine of the emission angle. Below zero too where other ground is in between.
+    The lesser of two measures that cross zero where a footprint ends: the distance to the picture's edge over half its width,
+    and the cosine of the emission angle. Below zero too where other ground of the body is in between.
     """
     flat = _margin_at(camera, pose, ground.points_A.reshape(-1, 3), ground.face.ravel(), body)
     return flat.reshape(ground.face.shape)
@@ -181,16 +270,9 @@ def _outline(
     """Draw where a margin is zero; returns the lines, each of shape (n, 2) [deg]."""
     if not margin.max() > 0.0 > margin.min():
         return []
-    lines = ax.contour(
-        ground.longitudes,
-        ground.latitudes,
-        gaussian_filter(margin, SMOOTH),
-        levels=[0.0],
-        colors=color,
-        linewidths=linewidth,
-        linestyles=[linestyle],
-        zorder=4,
-    )
+    style: dict[str, Any] = {"colors": color, "linewidths": linewidth, "linestyles": [linestyle], "zorder": 4}
+    smooth = gaussian_filter(margin, SMOOTH)
+    lines = ax.contour(ground.longitudes, ground.latitudes, smooth, levels=[0.0], **style)
     if linewidth >= SINGLE_PT:
         lines.set(path_effects=[patheffects.withStroke(linewidth=linewidth + 1.0, foreground="white")])
     return [line for line in lines.allsegs[0] if len(line)]
@@ -213,22 +295,12 @@ def _number(
     hit = tracer_of(body).first_hit(start, ahead)
     met, depth = hit >= 0, depth_of(hit, start, ahead, body)
     if met.any():
-        chosen = [j for j, meets in zip(poses, met, strict=True) if meets]
-        number_places(
-            ax,
-            (start + depth[:, None] * ahead)[met],
-            window.centre_longitude,
-            [colours[j] for j in chosen],
-            numbers=chosen,
-            lines=[
-                *outlines,
-                *(
-                    np.stack(latitude_longitude(border, window.centre_longitude)[::-1], axis=1)
-                    for border in target_outlines(plan.region)
-                ),
-            ],
-            marked=False,
-        )
+        centre, chosen = window.centre_longitude, [j for j, meets in zip(poses, met, strict=True) if meets]
+        borders = [
+            np.stack(latitude_longitude(border, centre)[::-1], axis=1) for border in target_outlines(plan.region)
+        ]
+        places, own = (start + depth[:, None] * ahead)[met], [colours[j] for j in chosen]
+        number_places(ax, places, centre, own, numbers=chosen, lines=[*outlines, *borders], marked=False)
 
 
 def _handles(plan: Plan, result: ObservationResult, colours: dict[int, str], union: bool) -> list[Line2D | Patch]:
