@@ -26,15 +26,7 @@ from swarm_mj.figures.scene import (
     near_arrival,
     scene_from,
 )
-from swarm_mj.figures.style import (
-    HALO,
-    SMALL_PT,
-    annotate,
-    caption,
-    label,
-    new_figure,
-    tidy,
-)
+from swarm_mj.figures.style import HALO, SMALL_PT, annotate, caption, label, new_figure, tidy
 from swarm_mj.figures.timescale import TimeScale, time_scale
 from swarm_mj.figures.view import (
     KM,

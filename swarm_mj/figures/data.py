@@ -28,15 +28,7 @@ from swarm_mj.figures.delivery_view import (
 )
 from swarm_mj.figures.illumination import PALETTE
 from swarm_mj.figures.links import area_style, mark_times, not_computed
-from swarm_mj.figures.palette import (
-    BLACK,
-    GREY,
-    LIGHT_GREY,
-    SKY_BLUE,
-    VERMILLION,
-    Dashes,
-    spacecraft_styles,
-)
+from swarm_mj.figures.palette import BLACK, GREY, LIGHT_GREY, SKY_BLUE, VERMILLION, Dashes, spacecraft_styles
 from swarm_mj.figures.panels import legend_below, spacecraft_handles
 from swarm_mj.figures.style import (
     SMALL_PT,

@@ -75,12 +75,8 @@ def check_shapes(
 ) -> dict[str, int]:
     """Check types, dimensions and memory of the arrays that a file promises; gives the sizes of its dimensions by name.
 
-    Args:
-        found: Type and shape of its arrays by name, of declared ones and others.
-        declared: What it must hold.
-        sizes: Of dimensions that are known from elsewhere.
-        may_be_empty: Dimensions that may have the size zero.
-        most: What all may take [bytes].
+    `found`: type and shape of its arrays by name, of declared ones and others. `sizes`: of dimensions that are known elsewhere.
+    `may_be_empty`: dimensions that may have the size zero. `most`: what all may take [bytes].
 
     Raises:
         ValueError: An array is missing or does not fit; the message names it, its shape and what it must be.
@@ -122,12 +118,7 @@ def _check_memory(found: Found, most: int) -> None:
 def check_values(
     arrays: Mapping[str, NDArray[Any]], declared: Mapping[str, Declared], sizes: Mapping[str, int]
 ) -> None:
-    """Check that values are what they may be.
-
-    Args:
-        arrays: By name.
-        declared: What they must be.
-        sizes: Of the dimensions, from `check_shapes`.
+    """Check that values are what they may be, given the sizes of their dimensions from `check_shapes`.
 
     Raises:
         ValueError: One is not; the message names the array, the place, the value and what is allowed.
@@ -175,13 +166,7 @@ def read_arrays(
 ) -> dict[str, NDArray[Any]]:
     """Read the declared arrays of an .npz file; nothing is unpacked before all of them are found to fit.
 
-    Args:
-        path: The file.
-        declared: Its arrays.
-        remedy: What to do about a file that does not fit.
-        sizes: Of dimensions that are known from elsewhere.
-        may_be_empty: Dimensions that may have the size zero.
-        error: What to raise.
+    `remedy`: what to do about a file that does not fit. `sizes` and `may_be_empty` as of `check_shapes`.
 
     Raises:
         SwarmError: As `error`: it cannot be read or does not fit; one line names file, array, value and what is allowed.

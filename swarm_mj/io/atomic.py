@@ -91,9 +91,8 @@ def atomic_folder(
             with held():
                 kept = _replace(partial, destination)
         except OSError as error:
-            raise OutputError(
-                f"{destination}: cannot be written ({error}); the earlier result, if any, is intact"
-            ) from error
+            intact = "the earlier result, if any, is intact"
+            raise OutputError(f"{destination}: cannot be written ({error}); {intact}") from error
         finally:
             if partial is not None:
                 with held():
@@ -124,9 +123,8 @@ def _resolved(destination: Path) -> Path:
     try:
         return destination.resolve()
     except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a NUL
-        raise OutputError(
-            f"{str(destination)!r}: is no place for a result ({error}); choose another with --out"
-        ) from None
+        what = f"is no place for a result ({error})"
+        raise OutputError(f"{str(destination)!r}: {what}; choose another with --out") from None
 
 
 @contextmanager
@@ -180,10 +178,9 @@ def _check_replaceable(destination: Path, result: Result | None) -> None:
         foreign = [p.name for p in entries if p.suffix not in KINDS or p.is_dir()]
         there = result_in(destination)
         if entries and (foreign or there is None):
-            what = f"holds {foreign[0]}" if foreign else f"has no {MARKER} of swarm-mj"
-            raise OutputError(
-                f"{destination}: exists and is not an earlier result ({what}); choose another folder with --out"
-            )
+            why = f"holds {foreign[0]}" if foreign else f"has no {MARKER} of swarm-mj"
+            what = f"exists and is not an earlier result ({why})"
+            raise OutputError(f"{destination}: {what}; choose another folder with --out")
     except OSError as error:
         raise OutputError(f"{destination}: cannot be read ({error.strerror})") from None
     if None not in (there, result) and there != result:

@@ -61,11 +61,7 @@ def load_array(file: Path, shape: tuple[int, ...], dtype: type[np.floating[Any]]
 def store_array(file: Path, array: NDArray[Any], *, folder_bytes: int | None = None) -> None:
     """Keep an array; a cache that cannot be written only costs time.
 
-    Args:
-        file: Where.
-        array: What.
-        folder_bytes: What all files of the folder may hold together; those used longest ago are removed, never this one.
-            None: any amount.
+    Of all files in its folder together those used longest ago, never this one, make room beyond `folder_bytes`; None: none.
     """
     partial = file.with_name(f".{file.name}.{os.getpid()}.partial")
     try:

@@ -22,15 +22,10 @@ def solve(
     *,
     by: Callable[..., Any] = milp,
 ) -> Any:
-    """The answer of `scipy.optimize.milp`, or of `linprog` where there are no whole numbers.
+    """The answer of `scipy.optimize.milp`, or of `linprog` where there are no whole numbers, to a program: their arguments.
 
-    After an interruption the thread goes on until its limit of time or the end of this process, whichever comes first.
-
-    Args:
-        program: Its arguments, without the limit of time.
-        time_limit_s: When to stop [s]; None: never.
-        waiting: Called now and then with the seconds that have passed.
-        by: `milp` or `linprog`.
+    It stops after `time_limit_s`, None: never. `waiting` is called now and then with the seconds that have passed. After an
+    interruption the thread goes on until its limit of time or the end of this process, whichever comes first.
 
     Raises:
         Exception: What `by` raises.

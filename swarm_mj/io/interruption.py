@@ -152,12 +152,9 @@ def remove(path: Path | None) -> None:
 def _watched(
     is_answered: Callable[[int], bool], is_held: Callable[[], bool], say: Callable[[], object]
 ) -> Iterator[None]:
-    """End the program while the block runs if a signal is not answered; only for the main thread.
+    """End the program while the block runs if the main thread neither answers a signal nor holds it back.
 
-    Args:
-        is_answered: Whether the main thread has answered this signal, or it is not its to answer.
-        is_held: Whether interruptions are kept back for the moment.
-        say: Tells the user that the program was interrupted.
+    `say` tells the user that it was interrupted.
     """
     read_fd, write_fd = os.pipe()
     os.set_blocking(write_fd, False)

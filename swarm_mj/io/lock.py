@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Literal
 
@@ -27,30 +27,23 @@ Kind = Literal["folder", "file"]
 LOCK = ".lock"
 
 
-@contextmanager
-def reserved(destination: Path, kind: Kind = "folder") -> Iterator[None]:
-    """Hold a place for this process; the system lets go of it when the process ends, however it ends.
-
-    Args:
-        destination: The place; the folder that holds it is there.
-        kind: What stands there, for messages.
+def reserved(destination: Path, kind: Kind = "folder") -> AbstractContextManager[None]:
+    """Hold a place in a folder that is there, until the block or this process ends, however it ends; `kind` is for messages.
 
     Raises:
         OutputError: Another process holds it, or nothing can be written beside it.
     """
-    with _held(destination.with_name(f".{destination.name}.lock"), destination, kind, "another run is writing there"):
-        yield
+    lock = destination.with_name(f".{destination.name}.lock")
+    return _held(lock, destination, kind, "another run is writing there")
 
 
-@contextmanager
-def only_one(folder: Path) -> Iterator[None]:
+def only_one(folder: Path) -> AbstractContextManager[None]:
     """Hold a campaign's folder, which is made if need be.
 
     Raises:
         OutputError: Another process holds it; the message names that process. Or the folder cannot be written.
     """
-    with _held(folder / LOCK, folder, "folder", "another campaign is writing here", make_folder=True):
-        yield
+    return _held(folder / LOCK, folder, "folder", "another campaign is writing here", make_folder=True)
 
 
 def unwritable(destination: Path, error: OSError, kind: Kind = "folder") -> OutputError:
@@ -64,9 +57,8 @@ def _held(lock: Path, destination: Path, kind: Kind, taken: str, *, make_folder:
     try:
         handle = _locked(lock, make_folder)
     except BlockingIOError:
-        raise OutputError(
-            f"{destination}: {taken} ({_holder(lock)}); wait for it, or choose another {kind} with --out"
-        ) from None
+        remedy = f"wait for it, or choose another {kind} with --out"
+        raise OutputError(f"{destination}: {taken} ({_holder(lock)}); {remedy}") from None
     except OSError as error:
         raise unwritable(destination, error, kind) from None
     try:

@@ -42,12 +42,9 @@ def check_workers(workers: int | None) -> None:
 def available_bytes(meminfo: Path = MEMINFO, cgroup: Path = CGROUP) -> int | None:
     """Memory that can be taken without swapping or being killed; None where the system does not tell (not Linux).
 
-    Args:
-        meminfo: The kernel's account of the whole machine.
-        cgroup: Folder of the control group's account.
+    `meminfo` is the kernel's account of the whole machine, `cgroup` the folder of the control group's.
     """
-    found = [free for free in (_of_machine(meminfo), _of_group(cgroup)) if free is not None]
-    return min(found, default=None)
+    return min((free for free in (_of_machine(meminfo), _of_group(cgroup)) if free is not None), default=None)
 
 
 def _of_machine(meminfo: Path) -> int | None:

@@ -32,13 +32,8 @@ def read_netcdf(
 ) -> xr.Dataset:
     """Read a whole file into memory, once its headers are found to fit.
 
-    Args:
-        path: The file.
-        declared: Variables that it must hold; others, as of plug-ins, are kept.
-        attributes: Attributes of numbers that the whole file must have.
-        remedy: What to do about a file that does not fit.
-        sizes: Of dimensions that are known from elsewhere.
-        error: What to raise.
+    `declared`: variables that it must hold; others, as of plug-ins, are kept. `attributes`: of numbers, that the whole file
+    must have. `remedy`: what to do about a file that does not fit. `sizes`: of dimensions that are known from elsewhere.
 
     Raises:
         SwarmError: As `error`: it cannot be read or does not fit; one line names file, variable, value and what is allowed.

@@ -104,14 +104,8 @@ class Remaining(ProgressColumn):
 
 def progress_bars(console: Console, quiet: bool = False, kind: type[Bars] = Bars) -> Progress:
     """Bars with elapsed and remaining time; none if quiet."""
-    return kind(
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TimeElapsedColumn(),
-        Remaining(),
-        console=console,
-        disable=quiet,
-    )
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn(), Remaining())
+    return kind(*columns, console=console, disable=quiet)
 
 
 @contextmanager
@@ -150,15 +144,7 @@ def said_when_late(words: str) -> Iterator[None]:
 
 
 class Stages:
-    """Wall-clock seconds by stage of one piece of work, and a progress bar for each.
-
-    Args:
-        name: Whose work it is, before the label of each bar.
-        bars: Where the bars stand; None: there are none.
-
-    Attributes:
-        wall_s: Seconds by stage.
-    """
+    """Wall-clock seconds by stage, `wall_s`, of a piece of work, and a bar for each that begins with the work's name."""
 
     def __init__(self, name: str, bars: Progress | None = None) -> None:
         self.wall_s: dict[str, float] = {}
@@ -191,11 +177,7 @@ class Forecast:
     Called with how much is done, it passes that on. The first call starts the clock, so that what is compiled before it does
     not count; and what is compiled later slows one piece only, so that the last piece must have been slow as well.
 
-    Args:
-        what: What is to be done, in words.
-        total: How much that is.
-        tell: Told how much is done.
-        say: Told the forecast.
+    `what` is to be done, in words, and `total` how much that is; `tell` is told how much is done, `say` the forecast.
     """
 
     def __init__(self, what: str, total: float, tell: Callable[[float], None], say: Callable[[str], None]) -> None:

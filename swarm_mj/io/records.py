@@ -75,13 +75,9 @@ def _why(reason: Exception) -> str:
 
 
 def read_record(path: Path, model: Any, remedy: str, error: type[SwarmError] = OutputError) -> Any:
-    """What a JSON file of a result holds.
+    """What a JSON file of a result holds, which must fit a model: a `Record`, a list of them, or what else pydantic knows.
 
-    Args:
-        path: The file.
-        model: Type that it must fit: a `Record`, a list of them, or what else pydantic knows.
-        remedy: What to do about a file that does not fit.
-        error: What to raise then.
+    `remedy`: what to do about a file that does not fit.
 
     Raises:
         SwarmError: As `error`: it cannot be read or does not fit; one line names file, key, value and what is allowed.
@@ -119,13 +115,9 @@ def bytes_of(path: Path, most: int = MAX_RECORD_BYTES) -> bytes:
 
 
 def require_file(path: Path, most: int) -> int:
-    """See that a path leads to a regular file of believable size, before anybody opens it; gives its size [bytes].
+    """See that a path leads to a regular file of at most so many bytes, before anybody opens it; gives its size [bytes].
 
     Anything else could be read for ever, wait for ever, or take all memory.
-
-    Args:
-        path: The file.
-        most: What it may have [bytes].
 
     Raises:
         OSError, ValueError: It cannot be asked, is none or larger; the message says what it is, and the limit.

@@ -5,12 +5,5 @@ from importlib.resources.abc import Traversable
 
 
 def asset_path(name: str) -> Traversable:
-    """Locate a packaged data file.
-
-    Args:
-        name: file name relative to the assets folder, e.g. `eros.obj` or `mjcf/scene.xml`.
-
-    Returns:
-        A readable resource; inside a checkout or an unpacked wheel it is a plain path.
-    """
+    """A packaged data file by its name in the assets folder, e.g. `mjcf/scene.xml`; in a checkout or a wheel a plain path."""
     return files("swarm_mj.assets") / name

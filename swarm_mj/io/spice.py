@@ -36,9 +36,8 @@ def spiceypy() -> Any:
     try:
         import spiceypy
     except ImportError:
-        raise InteropError(
-            "SPICE kernels need spiceypy, which is not installed: pip install 'swarm_mj[spice]'"
-        ) from None
+        missing = "SPICE kernels need spiceypy, which is not installed: pip install 'swarm_mj[spice]'"
+        raise InteropError(missing) from None
     return spiceypy
 
 
@@ -62,10 +61,7 @@ def spice_errors(what: str, remedy: str, error: type[SwarmError] = InteropError)
 def furnished(kernels: Sequence[str | Path], key: str, error: type[SwarmError] = InteropError) -> Iterator[ModuleType]:
     """Have these kernels and no others in the pool while the block runs; gives SpiceyPy.
 
-    Args:
-        kernels: Files, loaded in this order; of what several say, the last one counts.
-        key: What named them, for messages.
-        error: What to raise.
+    They are loaded in this order; of what several say, the last one counts. `key`: what named them, for messages.
 
     Raises:
         SwarmError: As `error`: a file, one that a meta-kernel names included, is missing, no kernel or too large.

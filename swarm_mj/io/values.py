@@ -37,14 +37,10 @@ def check_data(
     what: str = "scenario",
     refusal: type[Exception] = ScenarioError,
 ) -> None:
-    """Make sure that data is made of plain values and of believable size.
+    """Make sure that data of a file, an override or a caller is made of plain values and of believable size.
 
-    Args:
-        data: What a file, an override or a caller gives.
-        source: Its origin, with which errors begin; empty: with the key.
-        most: Values that it may hold altogether.
-        what: It should be, for errors.
-        refusal: The error to raise.
+    Errors begin with the `source`, its origin, or if that is empty with the key. `most`: values that it may hold altogether.
+    `what`: it should be, for errors.
 
     Raises:
         Exception: As `refusal`: it is too deep (or contains itself), too large, or holds a value that no file should.

@@ -40,12 +40,9 @@ _STARTING = Lock()
 
 
 def preload(modules: Sequence[str]) -> None:
-    """Let the fork server import modules, without waiting for it; the first call for this process decides which.
+    """Let the fork server import modules that are installed, without waiting for it; the first call of this process says which.
 
     Processes load what the fork server has not.
-
-    Args:
-        modules: Names; what is not installed is left out.
     """
     if not FORKS:
         return
@@ -67,12 +64,8 @@ def begin(
     """Start a process that calls `work(pipe, *arguments)` on one core, is deaf to Ctrl-C, and ends with this process.
 
     It ends as well, without a word, when `work` finds its pipe closed at the other end. It does not run the user's script
-    again, which therefore needs no `if __name__ == "__main__":`.
-
-    Args:
-        work: Of the top level of a module.
-        arguments: What can be pickled.
-        modules: What processes should have loaded, see `preload`.
+    again, which therefore needs no `if __name__ == "__main__":`. `work` is of the top level of a module, the arguments can be
+    pickled; `modules`: what processes should have loaded, see `preload`.
 
     Returns:
         The process, and this one's end of the pipe.
@@ -160,15 +153,10 @@ def run_jobs(
     arguments: tuple[Any, ...] = (),
     modules: Sequence[str] | None = None,
 ) -> Iterator[tuple[Key, Any]]:
-    """Results of jobs, in the order in which they are done.
+    """Results of jobs, pairs of what names a job and its arguments, in the order in which they are done.
 
-    Args:
-        jobs: Pairs of what names a job and its arguments.
-        work: Called as `work(state, *job_arguments)` in one of the processes; of the top level of a module.
-        workers: Number of processes.
-        setup: Called first in each process; returns its `state`.
-        arguments: Of `setup`.
-        modules: See `preload`; default: that of `work`.
+    Each process calls `setup(*arguments)` first, which returns its `state`, then `work(state, *job_arguments)`, both of the top
+    level of a module. `modules`: see `preload`; default: that of `work`.
 
     Raises:
         SwarmError: A process died.

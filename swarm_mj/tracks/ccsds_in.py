@@ -65,9 +65,8 @@ def _track(message: Message, values_of: Callable[[Segment], Array], methods: tup
     name = message.wanted(message.segments[0], "OBJECT_NAME")
     for segment in message.segments[1:]:
         if (other := message.wanted(segment, "OBJECT_NAME")) != name:
-            raise message.wrong(
-                segment.line, f"OBJECT_NAME = {other}, before it {name}", "one file, one spacecraft: split it"
-            )
+            what = f"OBJECT_NAME = {other}, before it {name}"
+            raise message.wrong(segment.line, what, "one file, one spacecraft: split it")
     return Track(str(message.path), name, stretches, tuple(dict.fromkeys(notes)))
 
 
@@ -90,9 +89,8 @@ def _instants(message: Message, segment: Segment) -> Ints:
 def _system(message: Message, segment: Segment) -> str:
     system = message.wanted(segment, "TIME_SYSTEM").upper()
     if system not in SYSTEMS:
-        raise message.wrong(
-            segment.line, f"TIME_SYSTEM = {system}", f"allowed are {', '.join(SYSTEMS)}: write the file in one of them"
-        )
+        remedy = f"allowed are {', '.join(SYSTEMS)}: write the file in one of them"
+        raise message.wrong(segment.line, f"TIME_SYSTEM = {system}", remedy)
     return system
 
 
@@ -118,23 +116,15 @@ def _rule(message: Message, segment: Segment, key: str, methods: dict[str, int])
     """Method and degree of interpolation, and a note where the file says neither."""
     given = segment.meta.get(key, "").upper()
     if not given:
-        method = next(iter(methods))
-        return (
-            method,
-            methods[method],
-            f"{message.path.name} names no {key}: taken as {method}, degree {methods[method]}",
-        )
+        method, degree = next(iter(methods.items()))
+        return method, degree, f"{message.path.name} names no {key}: taken as {method}, degree {degree}"
     if given not in methods:
-        raise message.wrong(
-            segment.line,
-            f"{key} = {given}",
-            f"allowed are {', '.join(methods)}: resample the file, or name one of them",
-        )
+        remedy = f"allowed are {', '.join(methods)}: resample the file, or name one of them"
+        raise message.wrong(segment.line, f"{key} = {given}", remedy)
     text = segment.meta.get("INTERPOLATION_DEGREE", str(methods[given]))
     if not (text.isdecimal() and len(text) < 4 and 1 <= int(text) <= MAX_DEGREE):
-        raise message.wrong(
-            segment.line, f"INTERPOLATION_DEGREE = {text}", f"must be a whole number, 1 to {MAX_DEGREE}"
-        )
+        remedy = f"must be a whole number, 1 to {MAX_DEGREE}"
+        raise message.wrong(segment.line, f"INTERPOLATION_DEGREE = {text}", remedy)
     return given, 1 if given == "LINEAR" else int(text), ""
 
 
@@ -151,20 +141,17 @@ def _numbers(message: Message, segment: Segment, counts: tuple[int, ...], limits
             except ValueError:
                 raise message.wrong(line, f"{words[i + 1][:40]!r} is no number", "correct it") from None
             if not isfinite(value) or abs(value) > limit:
-                raise message.wrong(
-                    line, f"{value:g} cannot be: at most {limit:g}", "give km, km/s and unit quaternions"
-                )
+                what = f"{value:g} cannot be: at most {limit:g}"
+                raise message.wrong(line, what, "give km, km/s and unit quaternions")
     return out
 
 
 def _oem_values(message: Message, segment: Segment, body: BodyName) -> Array:
     center = message.wanted(segment, "CENTER_NAME")
     if not body.is_meant_by(center):
-        raise message.wrong(
-            segment.line,
-            f"CENTER_NAME = {center}, but the body is {body.name}, NAIF {body.code}",
-            "give the path relative to the body's centre, or its body (body of the scenario; observe: --body)",
-        )
+        what = f"CENTER_NAME = {center}, but the body is {body.name}, NAIF {body.code}"
+        remedy = "give the path relative to the body's centre, or its body (body of the scenario; observe: --body)"
+        raise message.wrong(segment.line, what, remedy)
     C = from_N(message.wanted(segment, "REF_FRAME"), f"{message.path}, line {segment.line}: REF_FRAME")
     limits = (FARTHEST_KM,) * 3 + (FASTEST_KM_S,) * 3
     values = 1e3 * _numbers(message, segment, (6, 9), limits)
@@ -175,16 +162,14 @@ def _oem_values(message: Message, segment: Segment, body: BodyName) -> Array:
 def _aem_values(message: Message, segment: Segment) -> Array:
     kind = message.wanted(segment, "ATTITUDE_TYPE").upper()
     if kind not in QUATERNIONS:
-        raise message.wrong(
-            segment.line, f"ATTITUDE_TYPE = {kind}", f"allowed are {', '.join(QUATERNIONS)}: convert it"
-        )
+        remedy = f"allowed are {', '.join(QUATERNIONS)}: convert it"
+        raise message.wrong(segment.line, f"ATTITUDE_TYPE = {kind}", remedy)
     numbers = (4,) if kind == "QUATERNION" else (7, 8)
     q = _numbers(message, segment, numbers, (LARGEST,) * 4)
     length = np.linalg.norm(q, axis=1)
     if (wrong := np.flatnonzero(np.abs(length - 1.0) > 1e-3)).size:
-        raise message.wrong(
-            segment.rows[wrong[0]][0], f"a quaternion of length {length[wrong[0]]:.6g}", "its length must be 1"
-        )
+        k = wrong[0]
+        raise message.wrong(segment.rows[k][0], f"a quaternion of length {length[k]:.6g}", "its length must be 1")
     if segment.meta.get("QUATERNION_TYPE", "LAST").upper() == "LAST":
         q = q[:, [3, 0, 1, 2]]
     return _turned(message, segment, dcm(mrp_from_quaternion(q / length[:, None])))
@@ -198,10 +183,7 @@ def _turned(message: Message, segment: Segment, C_BA: Array) -> Array:
     if b in FROM_N and a not in FROM_N:
         a, b, C_BA = b, a, np.swapaxes(C_BA, 1, 2)
     if not b.startswith("SC_BODY"):
-        raise message.wrong(
-            segment.line,
-            f"REF_FRAME_A = {a}, REF_FRAME_B = {b}",
-            "one must be SC_BODY_1, the frame whose +z the camera looks along",
-        )
+        remedy = "one must be SC_BODY_1, the frame whose +z the camera looks along"
+        raise message.wrong(segment.line, f"REF_FRAME_A = {a}, REF_FRAME_B = {b}", remedy)
     C_AN = from_N(a, f"{message.path}, line {segment.line}: REF_FRAME_A")
     return steady(quaternions(C_BA @ C_AN))

@@ -26,18 +26,12 @@ FROM_N: Final = {
 
 
 def from_N(name: str, where: str) -> Array:
-    """From components in N to components in the frame of that name, shape (3, 3).
-
-    Args:
-        name: As the file has it.
-        where: File and key, for messages.
+    """From components in N to components in the frame of that name, shape (3, 3); `where`: file and key, for messages.
 
     Raises:
         InteropError: There is no such frame here.
     """
-    try:
-        return FROM_N[name.strip().upper()]
-    except KeyError:
-        raise InteropError(
-            f"{where} = {name}: unknown frame; allowed are {', '.join(FROM_N)}: write the file in one of them"
-        ) from None
+    if (C := FROM_N.get(name.strip().upper())) is None:
+        allowed = f"allowed are {', '.join(FROM_N)}: write the file in one of them"
+        raise InteropError(f"{where} = {name}: unknown frame; {allowed}")
+    return C

@@ -15,13 +15,7 @@ MAX_DEGREE = 27
 
 
 def windows(t: Array, times: Array, size: int) -> Ints:
-    """First sample of the `size` consecutive ones about each time, shape (q,).
-
-    Args:
-        t: Samples, rising, shape (k,).
-        times: Asked for, within the samples, shape (q,).
-        size: At most k.
-    """
+    """First of `size` consecutive samples, of k rising ones, about each time within them, shape (q,)."""
     after = np.searchsorted(t, times, side="right")
     return np.clip(after - (size + 1) // 2, 0, len(t) - size).astype(np.int64)
 
@@ -56,9 +50,8 @@ def _interpolated(t: Array, values: Array, times: Array, degree: int, rates: Arr
     size = min(len(t), max(1, (degree + 1) // 2) if rates is not None else degree + 1)
     first = windows(t, times, size)
     near = first[:, None] + np.arange(size)
-    scale = np.maximum(t[near[:, -1]] - t[near[:, 0]], 1e-300)
-    # A window of one sample has no width, but a slope.
-    scale = np.where(scale > 1e-300, scale, 1.0)
+    width = t[near[:, -1]] - t[near[:, 0]]
+    scale = np.where(width > 1e-300, width, 1.0)  # a window of one sample has no width, but a slope
     x = (t[near] - times[:, None]) / scale[:, None]
     y = values[near]
     if rates is None:
@@ -102,10 +95,7 @@ def slerp(t: Array, q: Array, times: Array) -> Array:
     angle = 2.0 * np.arcsin(np.minimum(0.5 * np.linalg.norm(b - a, axis=1, keepdims=True), 1.0))
     small = angle < 1e-12
     sine = np.where(small, 1.0, np.sin(angle))
-    out = np.where(
-        small,
-        (1.0 - share) * a + share * b,
-        (np.sin((1.0 - share) * angle) * a + np.sin(share * angle) * b) / sine,
-    )
+    arc = (np.sin((1.0 - share) * angle) * a + np.sin(share * angle) * b) / sine
+    out = np.where(small, (1.0 - share) * a + share * b, arc)
     turned: Array = out / np.linalg.norm(out, axis=1, keepdims=True)
     return turned

@@ -82,9 +82,8 @@ def read_kernels(
     with furnished(names, KEY) as spice:
         asked = list(spacecraft) or [str(code) for code in sorted(_objects(spice, "SPK"), reverse=True) if code < 0]
         if not asked:
-            raise InteropError(
-                f"{KEY}: no SPK with a spacecraft (a number below 0); name one (--spacecraft) or add its SPK"
-            )
+            remedy = "name one (--spacecraft) or add its SPK"
+            raise InteropError(f"{KEY}: no SPK with a spacecraft (a number below 0); {remedy}")
         paths, attitudes = [], []
         for one in asked:
             name, _, frame = one.partition("/")
@@ -94,11 +93,8 @@ def read_kernels(
             if not len(windows):
                 raise InteropError(f"spacecraft = {name}: is in none of the SPKs of {', '.join(names)}")
             shared: dict[str, Any] = {"name": title, "stretches": (), "kernels": names}
-            paths.append(
-                KernelTrack(
-                    f"path of {title} in the SPKs", windows=windows, width=3, ask=_position(code, body), **shared
-                )
-            )
+            source, ask = f"path of {title} in the SPKs", _position(code, body)
+            paths.append(KernelTrack(source, windows=windows, width=3, ask=ask, **shared))
             for place, times in _frames(spice, code, frame):
                 source = f"attitude {place} of {title} in the CKs"
                 attitudes.append(KernelTrack(source, windows=times, width=4, ask=_attitude(place), **shared))
@@ -156,7 +152,6 @@ def _frames(spice: Any, code: int, frame: str) -> list[tuple[str, Array]]:
         if name == frame or (not frame and centre == code):
             found.append((str(name), _windows(spice, "CK", structure)))
     if frame and not found:
-        raise InteropError(
-            f"spacecraft frame {frame}: is in none of the CKs, or no FK defines it; give another, or add them"
-        )
+        what = "is in none of the CKs, or no FK defines it"
+        raise InteropError(f"spacecraft frame {frame}: {what}; give another, or add them")
     return found

@@ -23,13 +23,7 @@ _PAIR = re.compile(r"([A-Z][A-Z0-9_]*)\s*=\s*(.*)", re.ASCII)
 
 @dataclass
 class Segment:
-    """One stretch of a file.
-
-    Attributes:
-        line: Where its metadata begins.
-        meta: Its keys.
-        rows: Number and words of each line of data.
-    """
+    """One stretch of a file: the line where its metadata begins, their keys, number and words of each line of data."""
 
     line: int
     meta: dict[str, str] = field(default_factory=dict)
@@ -38,13 +32,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class Message:
-    """A file as read.
-
-    Attributes:
-        path: Where from.
-        version: What its first key says.
-        segments: In the order of the file.
-    """
+    """A file as read: where from, the version that its first key says, its segments in order."""
 
     path: Path
     version: str
@@ -68,14 +56,7 @@ class Message:
 def write_message(
     kind: str, version: str, comments: Iterable[str], segments: Iterable[tuple[Mapping[str, object], Sequence[str]]]
 ) -> str:
-    """Text of a message.
-
-    Args:
-        kind: OEM or AEM.
-        version: Of the format, e.g. `2.0`.
-        comments: Of the header.
-        segments: Metadata and lines of data of each.
-    """
+    """Text of an OEM or AEM: version of the format, comments of the header, metadata and lines of data of each segment."""
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S")
     lines = [f"CCSDS_{kind}_VERS = {version}", *(f"COMMENT {words}" for words in comments)]
     lines += [f"CREATION_DATE = {now}", "ORIGINATOR = SWARM_MJ", ""]
@@ -87,12 +68,7 @@ def write_message(
 
 
 def read_message(path: Path, kind: str, versions: Sequence[str]) -> Message:
-    """Read a message.
-
-    Args:
-        path: The file.
-        kind: OEM or AEM.
-        versions: Which are understood.
+    """Read a message, OEM or AEM, of one of the versions that are understood.
 
     Raises:
         InteropError: It is none, or broken; the message names file, line and remedy.
