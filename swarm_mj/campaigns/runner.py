@@ -140,6 +140,8 @@ def _fly_missing(
     resolved: Resolved, store: Any, pool: Pool, bars: Progress | None, stages: Stages, going_on: str
 ) -> None:
     total = Sample(resolved.campaign).rows
+    if store.done and max(store.done) >= total:
+        raise OutputError(f"{store.folder}: holds row {max(store.done)}; this campaign has rows 0 to {total - 1} alone")
     missing = [row for row in range(total) if row not in store.done]
     if missing:
         if resolved.campaign.telemetry:

@@ -22,7 +22,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Literal
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -61,9 +61,13 @@ _FOREIGN = "move it elsewhere, or choose another folder with --out"
 
 
 class JournalRow(Record):
-    """A row of the journal; its other columns are the campaign's."""
+    """What every row of the journal says; its other columns are the campaign's."""
 
     row: NonNegativeInt
+    run: NonNegativeInt
+    scenario: str
+    seed: int
+    status: Literal["ok", "failed"]
 
 
 class Store:
@@ -78,7 +82,8 @@ class Store:
         self.torn: list[str] = []
         with writing(self.folder, _KEPT):
             for left in folder.glob(".*.partial"):
-                left.unlink()
+                if not left.is_dir():
+                    left.unlink()
             self.done = self._rows_of_results()
             self._recover()
             # A link is not followed: what it names belongs to somebody else.
@@ -213,7 +218,8 @@ def _parse(line: bytes, schema: pa.Schema, path: Path, number: int) -> Row | Non
         raise OutputError(f"{path}: line {number} is of another campaign; {_FOREIGN}")
     try:
         row: Row = record_from(values, JournalRow)
-    except ValueError:
+        table_of([row], schema)
+    except (ValueError, TypeError):  # the second: Arrow's where a value is of another kind than its column
         return None
     return row
 

@@ -119,7 +119,7 @@ class Deployer(Section):
 
     max_speed_m_s: float | None = Field(
         2.0,
-        gt=0,
+        ge=1e-4,
         description="largest speed relative to the mothership that it gives a spacecraft [m/s], by default that of springs of "
         "flown deployers; null: any. Where spacecraft have thrusters, an insertion burn gives what is missing",
     )
