@@ -16,7 +16,7 @@ import numpy as np
 from swarm_mj.errors import MissionError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.spacecraft.elements import title_of
+from swarm_mj.spacecraft.elements import keep_warnings_off_disk, title_of
 from swarm_mj.spacecraft.layout import Layout, resolve_layout, spacecraft_names
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft
 from swarm_mj.spacecraft.properties import SpacecraftProperties
@@ -30,9 +30,6 @@ NQ_FREE, NV_FREE = 7, 6
 #: freedom, as any function of MuJoCo that was tried.
 #: By default MuJoCo reserves megabytes for contacts, which a batch of thousands of flights would exhaust.
 STACK_BYTES = 8 * 1024
-
-#: The log file that MuJoCo writes into the current folder unless told otherwise.
-DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
 #: Who steps a swarm: MuJoCo's `mj_step` on its model, or compiled code by the equations of free gyrostats.
 Stepper = Literal["mujoco", "kernel"]
@@ -171,14 +168,6 @@ def build_model(
     )
 
 
-def _keep_warnings_off_disk() -> None:
-    """Let MuJoCo warn on the console alone, unless somebody named a log file: it would write MUJOCO_LOG.TXT where one is."""
-    log = mujoco.MjLogConfig.get()
-    if log.logto_file and log.logfile == DEFAULT_LOG:
-        log.logto_file = False
-        log.set()
-
-
 def scene(shape: ShapeModel, timestep: float, sun_N: Array) -> mujoco.MjSpec:
     """The asteroid and the Sun, without spacecraft.
 
@@ -187,7 +176,7 @@ def scene(shape: ShapeModel, timestep: float, sun_N: Array) -> mujoco.MjSpec:
         timestep: Integration step [s].
         sun_N: Direction to the Sun in N, shape (3,).
     """
-    _keep_warnings_off_disk()
+    keep_warnings_off_disk()
     spec = mujoco.MjSpec.from_file(str(asset_path("mjcf/scene.xml")))
     spec.option.timestep = timestep
     spec.stat.extent = max(1.0, 1.13 * shape.max_radius)
