@@ -13,7 +13,7 @@ from rich.progress import Progress, TaskID
 
 from swarm_mj.api.display import Plots, figure_html, png_html, rows_html
 from swarm_mj.api.scenario import Scenario, load
-from swarm_mj.designer.study import EXTENSIONS, Growth, Study, Tell, growth, study_design
+from swarm_mj.designer.study import Growth, Study, Tell, extensions, growth, study_design
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import check_plugins
 from swarm_mj.io.atomic import MARKER, Result, atomic_folder
@@ -312,8 +312,8 @@ def _teller(scenario: schema.Scenario, bars: Progress | None) -> Tell | None:
 
 
 def _compared(scenario: schema.Scenario, bars: Progress | None, workers: int | None) -> list[Growth]:
-    bars = bars or Progress(disable=True)
-    task = bars.add_task("beyond the paper", total=len(EXTENSIONS))
+    bars, total = bars or Progress(disable=True), len(extensions(scenario))
+    task = bars.add_task("beyond the paper", total=total)
     started: list[str] = []
 
     def stage(name: str) -> None:
@@ -321,5 +321,5 @@ def _compared(scenario: schema.Scenario, bars: Progress | None, workers: int | N
         started.append(name)
 
     rows = growth(scenario, workers=workers, stage=stage)
-    bars.update(task, completed=len(EXTENSIONS), description="beyond the paper")
+    bars.update(task, completed=total, description="beyond the paper")
     return rows

@@ -126,8 +126,7 @@ def _replay(arguments: argparse.Namespace, resolved: Resolved, folder: Path) -> 
     else:
         words = f"differs in {', '.join(again.differs)}" if again.differs else "is the same, bit for bit"
         told.append(f"row {arguments.replay} of {folder} {words}")
-    if not arguments.quiet:
-        print("\n".join(told))
+    print("\n".join(told))
     return 1 if again.differs else 0
 
 

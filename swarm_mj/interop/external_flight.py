@@ -22,6 +22,7 @@ from swarm_mj.flight.targets import target_from, true_target
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.camera import look_at
 from swarm_mj.scenarios.bodies import packaged_body
+from swarm_mj.scenarios.itinerary import itinerary
 from swarm_mj.scenarios.loading import body_of_file
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.naif import BodyName
@@ -156,6 +157,7 @@ class ForeignFlight:
         self.environment = environment_from(scenario, self.shape)
         self.region = true_target(scenario, self.shape, target_from(scenario, self.shape))
         self.names = _different([path.name for path in paths])
+        _check_number(scenario, self.names)
         self.n = self.n_observers = len(self.names)
         interval = scenario.telemetry.interval_s
         self.times: Array = interval * np.arange(round(scenario.duration_s / interval) + 1, dtype=np.float64)
@@ -212,6 +214,14 @@ def _check_asked(scenario: Scenario, pointing: Pointing) -> None:
         raise InteropError(
             f"observation.max_motion_blur_px = {limit:g}: motion blur needs velocities and body rates, and of a flight from "
             "files only places and attitudes are read; set observation.max_motion_blur_px=null"
+        )
+
+
+def _check_number(scenario: Scenario, names: Sequence[str]) -> None:
+    if len(names) > (n := len(itinerary(scenario))):
+        raise InteropError(
+            f"{len(names)} spacecraft are given ({', '.join(names)}), and the scenario has {n} observers, whose arrivals it "
+            "knows: name as many (--spacecraft), or leave out the files of the others, as of a dedicated relay"
         )
 
 

@@ -16,7 +16,7 @@ from swarm_mj.campaigns import pools, runner
 from swarm_mj.campaigns.loading import load_campaign
 from swarm_mj.campaigns.runner import replay, run_campaign
 from swarm_mj.campaigns.sampling import Sample
-from swarm_mj.campaigns.store import RESULTS, read_results
+from swarm_mj.campaigns.store import RESULTS, Store, read_results, schema_in
 from swarm_mj.cli.main import main
 from swarm_mj.errors import OutputError
 from swarm_mj.io.lock import only_one
@@ -166,6 +166,11 @@ def test_a_changed_campaign_is_not_resumed(reference, command, tmp_path):
     ):
         status, errors = command(*arguments, "--out", out, "--resume")
         assert status == 2 and words in errors, errors
+    store = Store(out, schema_in(out))
+    store.add({**read_results(out).to_pylist()[0], "row": 9999})
+    store.close()
+    status, errors = command(path, "--runs", 2, "--out", out, "--resume")
+    assert status == 2 and "holds row 9999; this campaign has rows 0 to 1 alone" in errors
 
 
 def test_of_two_campaigns_in_one_folder_one_wins_and_the_other_goes_on_once_it_is_killed(
@@ -229,14 +234,15 @@ def test_a_foreign_folder_is_not_written_to(write, tmp_path):
     assert [p.name for p in (tmp_path / "mine").iterdir()] == ["thesis.tex"]
 
 
-def test_every_row_replays_bit_for_bit_and_a_forged_one_is_told_apart(reference, command, tmp_path):
+def test_every_row_replays_bit_for_bit_and_a_forged_one_is_told_apart(reference, command, tmp_path, capsys):
     path, expected = reference
     out = tmp_path / "out"
     assert command(path, "--out", out, "--runs", 3, "--workers", 1)[0] == 0
     assert command(path, "--out", out, "--runs", 3, "--replay", 2)[0] == 0
     assert {"scenario.yaml", "telemetry.nc", "coverage.npz"} <= {p.name for p in (out / "replays" / "2").iterdir()}
     # The same row of a longer campaign: monte_carlo draws are its own.
-    assert command(path, "--out", out, "--runs", 4, "--replay", 2)[0] == 0
+    assert main(["campaign", str(path), "--out", str(out), "--runs", "4", "--replay", "2", "--quiet"]) == 0
+    assert "is the same, bit for bit" in capsys.readouterr().out
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -135,6 +135,18 @@ def test_a_flipped_bit_in_the_journal_costs_only_its_own_row(tmp_path):
     assert Store(tmp_path, SCHEMA).done == {0, 2}
 
 
+@pytest.mark.parametrize(
+    "values", [{"coverage_percent": "x"}, {"status": "nonsense"}, {"scenario": None}, {"seed": [1]}]
+)
+def test_a_line_that_is_whole_and_no_row_of_a_campaign_is_flown_again(tmp_path, values):
+    filled(tmp_path, [0]).close()
+    with (tmp_path / JOURNAL).open("ab") as file:
+        file.write(_line(row(1, **values), SCHEMA))
+        file.write(_line({"row": 2}, SCHEMA))
+    assert read_journal(tmp_path / JOURNAL, SCHEMA) == ([row(0)], 2)
+    assert Store(tmp_path, SCHEMA).done == {0}
+
+
 @pytest.mark.parametrize("damage", ["cut", "emptied", "flipped", "replaced"])
 def test_a_torn_file_is_set_aside_and_its_rows_are_missing(tmp_path, damage):
     store = filled(tmp_path, range(20))

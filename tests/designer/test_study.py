@@ -11,7 +11,7 @@ from swarm_mj.cli.main import main
 from swarm_mj.cli.tables import design_table
 from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.problem import CoverProblem
-from swarm_mj.designer.study import study_design
+from swarm_mj.designer.study import extensions, study_design
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
@@ -274,3 +274,14 @@ def test_an_interruption_before_there_is_a_design_leaves_none(tmp_path, monkeypa
     monkeypatch.setattr("swarm_mj.designer.candidates.visibility.fly_candidates", interrupt)
     assert main(["design", "eros-quick", "--quiet", "--out", str(tmp_path / "run"), *arguments()]) == 130
     assert not list(tmp_path.iterdir())
+
+
+def test_what_is_asked_beyond_the_paper_goes_with_the_scenario():
+    """For Eros what the page on the reproduction has; on another body its own altitudes and times."""
+    eros, bennu = extensions(load_scenario("eros-config1")), extensions(load_scenario("bennu-slow"))
+    assert eros["altitude free among 10, 14 and 18 km"] == {"designer.altitudes_m": [10e3, 14e3, 18e3]}
+    assert eros["time of flight free among 480, 600 and 720 s"] == {"designer.times_of_flight_s": [480.0, 600.0, 720.0]}
+    assert eros["a second target at 0 N, 60 E, 15 deg"]["designer.extra_targets"][0]["longitude_deg"] == 60.0
+    altitudes = next(v for k, v in bennu.items() if "altitude" in k)["designer.altitudes_m"]
+    assert load_scenario("bennu-slow").design.imaging_altitude_m in altitudes and max(altitudes) < 3e3
+    assert "every face seen by 4" in extensions(load_scenario("eros-config1", {"designer.fold": 2}))

@@ -141,6 +141,10 @@ def test_files_that_do_not_belong_together_are_refused(messages, flown, tmp_path
     metres.write_text(re.sub(r"e([+-]\d\d)", lambda m: f"e{int(m[1]) - 3:+03d}", oem[0].read_text()))
     with pytest.raises(InteropError, match=r"small.oem: lies inside .* at 2018-01-01T03:.*lengths are km"):
         sm.observe(metres, body="eros")
+    with pytest.raises(
+        InteropError, match=r"3 spacecraft are given \(.*\), and the scenario has 2 observers.*dedicated relay"
+    ):
+        sm.observe([*oem, oem[0]], scenario=flown.scenario)
     with pytest.raises(SwarmError):
         sm.observe(oem, body="eros", overrides={"camera.half_angle_deg": 900})
 

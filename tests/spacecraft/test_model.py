@@ -44,7 +44,9 @@ def test_a_warning_of_mujoco_reaches_the_console_and_writes_no_file(tmp_path):
 
 def test_a_spacecraft_of_ones_own_with_a_bad_number_writes_no_log(tmp_path):
     (tmp_path / "nan.xml").write_text("<mujoco><worldbody><body pos='nan 0 0'><freejoint/></body></worldbody></mujoco>")
-    code = "from pathlib import Path; from swarm_mj.spacecraft.own_spacecraft import load_part; load_part(Path('nan.xml'))"
+    code = (
+        "from pathlib import Path; from swarm_mj.spacecraft.own_spacecraft import load_part; load_part(Path('nan.xml'))"
+    )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
     assert "NaN" in done.stdout + done.stderr and [path.name for path in tmp_path.iterdir()] == ["nan.xml"]
 
