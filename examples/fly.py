@@ -6,7 +6,7 @@ import swarm_mj as sm
 
 flight = sm.fly(sm.load("eros-quick", {"camera.half_angle_deg": 4}))
 print(flight)
-print(flight.spacecraft[["arrivals_point", "observed_percent", "delta_v_m_s"]].round(3).to_string())
+print(flight.spacecraft[["visiting_point", "observed_percent", "delta_v_m_s"]].round(3).to_string())
 
 # Telemetry is an xarray.Dataset, with units and frame on every variable.
 error_deg = np.degrees(flight.telemetry["pointing_error"])

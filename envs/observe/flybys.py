@@ -28,7 +28,7 @@ from swarm_mj.typing import Array, Ints
 from .catalogue import MOST_HALF_ANGLE_DEG, MissionSpec
 from .patches import make_patches
 
-#: Flight from release to visit, and whole flight [s].
+#: Flight from release to arrival, and whole flight [s].
 TIME_OF_FLIGHT_S, DURATION_S = 200.0, 600.0
 #: Length of a decision where nothing else is asked for [s].
 DECISION_S = 20.0

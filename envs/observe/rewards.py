@@ -18,11 +18,11 @@ from .totals import EpisodeTotals
 
 
 class RewardWeights(NamedTuple):
-    """Weight of each term's measure, which reaches 1 where all that is possible is seen, and delivered.
+    """Weight of each term's measure, over yardsticks that follow from the release, see `SwarmObserveEnv`.
 
     Attributes:
-        seen: Of newly seen area over what is possible.
-        delivered: Of data that Earth received over the volume of what is possible.
+        seen: Of newly seen area over the area that straight paths pass.
+        delivered: Of data that Earth received over those of that area straight down from H.
     """
 
     seen: float = 1.0

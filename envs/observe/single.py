@@ -49,14 +49,14 @@ class SwarmObserveEnv(BatchEnv):
     ## Missions
 
     `catalogue.CATALOGUE` names 64: sixteen places on each of Eros, Bennu, Itokawa and an ellipsoid the size of 21 Lutetia.
-    Places within 40 deg of longitude 0 are for training, those within 20 deg of 180 deg for tests; no part of a body belongs
-    to both. Lengths go with the imaging altitude H, times are the same for all: released 3 1/3 H ahead, over the target 200 s
-    later at H / 60 s, 600 s in all. Cameras see about a patch at a time. A picture is taken every 10 s; cells count by the
-    project's default criterion (half of it in view; Sun at most 85 deg and camera at most 80 deg from its normal, not in the
-    body's shadow; four pixels) where the ground sampling distance is at most 1.25 times that straight down from H. Spacecraft
-    fly with reaction wheels as momentum states, by the kernel stepper, and turn by the sliding-mode law. A mission takes 2 to
-    13 s to work out once, and is kept in the cache; on a new machine the first episode also waits while kernels are compiled,
-    half a minute or so, once.
+    Places within 40 deg of longitude 0 are for training, those within 20 deg of 180 deg for tests; no part of a body
+    belongs to both. Lengths go with the imaging altitude H, times are the same for all: released 3 1/3 H ahead, over the
+    target 200 s later at H / 60 s, 600 s in all. Cameras see about a patch at a time. A picture is taken every 10 s; cells
+    count by the project's default criterion (half of it in view; Sun at most 85 deg and camera at most 80 deg from its
+    normal, not in the body's shadow; four pixels) where the ground sampling distance is at most 1.25 times that straight
+    down from H. Spacecraft fly with reaction wheels as momentum states, by the kernel stepper, and turn by the sliding-mode
+    law. A mission takes half a second to work out once, and is kept in the cache; on a new machine the first episode also
+    waits while kernels are compiled, half a minute or so, once.
 
     ## A flyby of one's own
 
@@ -122,7 +122,7 @@ flight; it happens when the next picture is due, before it is taken |
     `entities`, the default: a Dict of `spacecraft` (n, 24), `patches` (K, 9), `pairs` (n, K, 9), `general` (14), `alive` (n)
     and `action_mask`. `flat`: a Box of spacecraft, pairs, the first two columns of patches, and general; `batch.layout.split`
     takes it apart. Frame: east, north, up at the target's middle, turning with the body. Units: H, 60 s, the target's area,
-    area and data of what is possible, see Reward. Columns are named in `tables.SPACECRAFT`, `PATCHES`, `PAIRS` and `GENERAL`:
+    the yardsticks A and D, see Reward. Columns are named in `tables.SPACECRAFT`, `PATCHES`, `PAIRS` and `GENERAL`:
 
     | table | columns |
     |---|---|
@@ -167,15 +167,16 @@ the body and of its horizons, link budget |
 
     | term | weight | measure of a step |
     |---|---|---|
-    | seen | 1 | dA / A: area of the cells seen for the first time over what is possible |
-    | delivered | 1 | dD / D: bits that Earth received over the volume of what is possible; in `sm.fly` delivered is area |
+    | seen | 1 | dA / A: area of the cells seen for the first time over the yardstick A |
+    | delivered | 1 | dD / D: bits that Earth received over the yardstick D; in `sm.fly` delivered is area |
 
-    Possible, A, are the lit cells that some spacecraft passes within reach as the swarm was released, if nothing fails (at
+    A are the lit cells that some spacecraft passes within reach on a straight path from its release, if nothing fails (at
     least a fifth of the target), and D their data straight down from H. Failures are left out of them: otherwise what a
     step brings would tell, by what it is divided by, who will fail. An episode in which much fails brings less, as a
-    mission does. To see all of what is possible brings 1, and to deliver it 1 where every cell was pictured straight down
-    from H: pictures from below H hold more, those from afar or aslant less. The leaderboard (docs/results/leaderboard.md)
-    has a bound for each test episode, which knows what fails and ignores turning and the footprint.
+    mission does. To see all of A brings 1, and gravity may lead past a little more; to deliver it brings 1 where every cell
+    was pictured straight down from H: pictures from below H hold more, those from afar or aslant less. The leaderboard
+    (docs/results/leaderboard.md) has a bound for each test episode, which knows what fails and ignores turning and the
+    footprint.
 
     A picture adds data for each cell that nobody saw before: area over the foreshortened square of the ground sampling
     distance, times the bits of a pixel. A spacecraft that tracks another sends it what is aboard, one that tracks Earth sends
@@ -194,7 +195,7 @@ the body and of its horizons, link budget |
     | key | when | meaning |
     |---|---|---|
     | time_s | always | since the epoch [s] |
-    | coverage_percent | always | seen share of what is possible [%] |
+    | coverage_percent | always | seen area over the yardstick A [%] |
     | delivered_bit | always | received by Earth so far [bit] |
     | stored_bit | always | aboard each spacecraft, a list of n [bit] |
     | seen_bit | always | brought by all pictures so far [bit] |

@@ -217,7 +217,7 @@ def page(learned: dict[str, Learned], lines: dict[str, float], here: str) -> str
     above = {name: runs.aggregates[-1] for name, runs in learned.items() if np.isfinite(runs.passes(lines["greedy"]))}
     proven = [name for name, last in above.items() if last.low > lines["greedy"] and len(learned[name].scores) > 1]
     surely, barely = ([METHODS[name][0] for name in above if (name in proven) is wanted] for wanted in (True, False))
-    verdict = f"At the end the whole interval lies above *greedy* ({lines['greedy']:.3f}) with: {'; '.join(surely) or 'none'}."
+    verdict = f"At the end all runs lie above *greedy* ({lines['greedy']:.3f}) with: {'; '.join(surely) or 'none'}."
     if barely:
         verdict += f" The mean alone does, so that nothing is proven, with: {'; '.join(barely)}."
     if absent := [words for name, (words, _) in METHODS.items() if name not in learned]:
@@ -258,8 +258,9 @@ def row(name: str, runs: Learned, greedy: float) -> str:
 TEXT = """\
 # Learning SwarmObserve-v0
 
-Written by `python -m scripts.pages.learning` from the curves in `scripts/pages/learning_curves`, which the same command
-makes: it runs the programs of `examples/learning`. The numbers of the picture are in `docs/results/learning.json`.
+Written by `python -m scripts.pages.learning` from the curves in `scripts/pages/learning_curves`, which the same command makes
+where they are not there: it runs the programs of `examples/learning`, five times each unless `--seeds` says else. The numbers
+of the picture are in `docs/results/learning.json`.
 
 ![Learning curves](../images/{picture})
 
@@ -269,16 +270,17 @@ makes: it runs the programs of `examples/learning`. The numbers of the picture a
 
 {verdict}
 
-These intervals are over runs, all scored on the same episodes; one episode differs much from another. Over episodes, the
-network with the best score here, which travels with the package as `trained`, comes to {here} against *greedy* on
-these, and to {elsewhere} on the 1,000 others of the [leaderboard](leaderboard.md), which it was not chosen by. There the
+Brackets are the interval below over runs, all scored on the same episodes; one episode differs much from another. Over
+episodes, the network with the best score here, which travels with the package as `trained`, comes to {here} against *greedy*
+on these, and to {elsewhere} on the 1,000 others of the [leaderboard](leaderboard.md), which it was not chosen by. There the
 *planner* shows what is left to learn.
 
 - **Score.** Mean over {episodes} episodes of the split `test` (flight seeds {seeds}), flown with the likeliest choices.
   Training flies the split `train`, other places on the bodies. *Bound*: what no policy can pass, see
   [leaderboard](leaderboard.md).
 - **Curves.** Interquartile mean of the runs, each of another seed, and its 95 % bootstrap interval, as rliable defines them
-  (`scripts/pages/aggregates.py`). Of five runs the middle three are averaged, of two both.
+  (`scripts/pages/aggregates.py`); of two runs that is their range, and says little. Of five runs the middle three are
+  averaged, of two both.
 - **Decisions** are those of the swarm: every 20 s of flight all spacecraft choose.
 - **PPO of stable-baselines3** is `PPO("MlpPolicy", ...)` with every setting as it comes, with `candidates=4`: each spacecraft
   chooses among its four best patches and sending. That order is part of the help it gets: always the first is a rule of its

@@ -256,8 +256,8 @@ def _assumed(scenario: Scenario) -> str:
         f"A face counts as observed where it is {light}, at most {seen.max_emission_deg:g} deg off its normal, where the "
         f"median face would take up {seen.min_pixels:g} pixels and, as `{SCENARIO}` asks, the ground sampling distance is at "
         f"most {seen.max_gsd_m:g} m. {sent[data.product]} sent, "
-        f"{frame_pixels(scenario) * data.sent_bits_per_pixel / 1e6:.2g} Mbit each. Sensors, and with them pointing, are "
-        f"perfect. Of the messages {100 * swarm.message_loss:g} % are lost."
+        f"{frame_pixels(scenario) * data.sent_bits_per_pixel / 1e6:.2g} Mbit each. Attitude sensors are those of "
+        f"`spacecraft.sensors: {scenario.spacecraft.sensors.name}`. Of the messages {100 * swarm.message_loss:g} % are lost."
     )
 
 

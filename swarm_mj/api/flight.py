@@ -25,6 +25,7 @@ from swarm_mj.io.atomic import Result, atomic_folder, check_place
 from swarm_mj.io.progress import Forecast, Shown, Stages, using_bars
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.coverage import CoverageMap, percent_text
+from swarm_mj.records.observed import when_text
 from swarm_mj.records.run_files import coverage_arrays, flown_design, write_results, write_summary
 from swarm_mj.records.run_record import RunRecord, read_run
 from swarm_mj.records.summary import summarise
@@ -82,7 +83,7 @@ class Flight:
         summary, points = self.summary, self.summary["visiting_points"]
         table = pd.DataFrame(
             {
-                "arrivals_point": pd.Series(dict(zip(self.plan.names, points, strict=False)), dtype="Int64"),
+                "visiting_point": pd.Series(dict(zip(self.plan.names, points, strict=False)), dtype="Int64"),
                 "observed_percent": summary["coverage_percent_by_spacecraft"],
                 "delta_v_m_s": summary["deployment_delta_v_m_s"],
                 "pointing_error_deg": summary["pointing_error_deg_final"],
@@ -235,9 +236,7 @@ class Flight:
     def __repr__(self) -> str:
         """One line: what was flown and what it saw."""
         share = f"{percent_text(self.coverage.percent)} of the target observed"
-        return (
-            f"Flight({self.plan.scenario.name!r}, {self.plan.n} spacecraft, {share} in the {self.summary['criterion']})"
-        )
+        return f"Flight({self.plan.scenario.name!r}, {self.plan.n} spacecraft, {share} {when_text(self.summary)})"
 
     def _repr_html_(self) -> str:
         """For notebooks: a short table and the picture of the operation."""
@@ -245,7 +244,7 @@ class Flight:
 
         plan, summary = self.plan, self.summary
         rows = [
-            (f"observed area, in the {summary['criterion']}", percent_text(self.coverage.percent)),
+            (f"observed area, {when_text(summary)}", percent_text(self.coverage.percent)),
             ("the same, whole passage", percent_text(self.passage.percent)),
             *(
                 [("delivered to Earth", f"{percent_text(summary['delivered_percent'])} of the target")]

@@ -12,6 +12,7 @@ import yaml
 from swarm_mj.api.display import figure_html, rows_html
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.io.atomic import atomic_file
+from swarm_mj.records.observed import when_text
 from swarm_mj.scenarios import catalogue, schema
 from swarm_mj.scenarios.keys import Key
 from swarm_mj.scenarios.loading import (
@@ -36,7 +37,7 @@ SHOWN: dict[str, Callable[[schema.Scenario], str]] = {
     "imaging altitude": lambda s: f"{s.design.imaging_altitude_m / 1e3:g} km",
     "arrival": lambda s: f"after {s.design.time_of_flight_s:g} s of {s.duration_s:g} s",
     "camera": lambda s: f"half-angle {s.camera.half_angle_deg:g}°, {s.camera.resolution_px} px",
-    "counts as observed": lambda s: f"in the {s.observation.criterion}",
+    "counts as observed": lambda s: when_text(s.observation.model_dump()),
     "behaviour": lambda s: s.behavior.name,
     "control law": lambda s: s.control.controller,
     "seed": lambda s: str(s.seed),

@@ -73,7 +73,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         "navigate",
         _navigate,
         "tell how far from its visiting point each spacecraft will be, and what corrections burn",
-        "Linear covariance from release to visit: errors of the mothership, the deployer, navigation and burns "
+        "Linear covariance from release to arrival: errors of the mothership, the deployer, navigation and burns "
         "(dispersions, navigation) carried through trajectory.corrections. See docs/how-to/corrections.md.",
     )
     navigate.add_argument("scenario", metavar="NAME_OR_FILE", help="packaged name or YAML file")
@@ -92,7 +92,7 @@ def add(commands: argparse._SubParsersAction) -> None:
 def _observe(arguments: argparse.Namespace) -> int:
     from swarm_mj.api.observe import observe
     from swarm_mj.observation.coverage import percent_text
-    from swarm_mj.records.observed import criterion_text, observed_findings
+    from swarm_mj.records.observed import observed_findings, when_text
 
     camera = {} if arguments.camera is None else {"camera.half_angle_deg": arguments.camera}
     with bars_for(arguments) as bars:
@@ -109,7 +109,7 @@ def _observe(arguments: argparse.Namespace) -> int:
         )
     summary = seen.summary
     lines = [
-        f"observed area P_TO: {percent_text(summary['coverage_percent'])} in the {criterion_text(summary)}, "
+        f"observed area P_TO: {percent_text(summary['coverage_percent'])} {when_text(summary)}, "
         f"{percent_text(summary['coverage_percent_passage'])} in the whole passage, {summary['images']} pictures",
         *(f"{name}: {percent_text(share)}" for name, share in summary["coverage_percent_by_spacecraft"].items()),
         *observed_findings(summary),

@@ -49,7 +49,7 @@ class CorrectionAnalysis:
 
 
 def analyse_corrections(plan: Plan) -> CorrectionAnalysis:
-    """Linear covariance of a plan from release to visit.
+    """Linear covariance of a plan from release to arrival.
 
     Raises:
         ScenarioError: See `knots`.

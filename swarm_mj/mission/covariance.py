@@ -211,7 +211,7 @@ def fly_dispersed(
     rng: np.random.Generator,
     progress: Progress | None = None,
 ) -> DispersedFlights:
-    """Fly from release to visit many times.
+    """Fly from release to arrival many times.
 
     Args:
         acceleration: Function (t, r (n, 3)) -> (n, 3) [m/s^2] in N.

@@ -44,7 +44,7 @@ def deploy(
             mothership's place at the epoch to their points at their arrivals: of the deployed, where all leave then.
         points_A: Where each spacecraft is at its arrival, in A, shape (n, 3) [m].
         release_s: When each leaves the mothership, past the epoch, shape (n,) [s].
-        time_of_flight: From release to visit, shape (n,) [s].
+        time_of_flight: From release to arrival, shape (n,) [s].
         progress: See `solve_transfers`.
         foresee: Called with each group of flights before it is solved; what it raises ends the search.
 

@@ -57,6 +57,12 @@ def observed_findings(summary: dict[str, Any]) -> list[str]:
     return found
 
 
+def when_text(summary: dict[str, Any]) -> str:
+    """When pictures counted, for sentences on what was observed."""
+    when = "at the arrival" if summary["criterion"] == "arrival" else "in the passage"
+    return when + (", light ignored" if summary.get("light") == "ignored" else "")
+
+
 def criterion_text(summary: dict[str, Any]) -> str:
     """The criterion in a few words, for headings."""
     return summary["criterion"] + (", light ignored" if summary.get("light") == "ignored" else "")

@@ -19,7 +19,7 @@ class Stop(NamedTuple):
         target: Number of its target: 0 is the scenario's, k entry k - 1 of `designer.extra_targets`.
         point: Visiting point of that target, numbered from 1.
         altitude_m: Imaging altitude [m].
-        time_of_flight_s: From release to visit [s].
+        time_of_flight_s: From release to arrival [s].
         release_s: Past the epoch [s].
     """
 

@@ -34,6 +34,7 @@ UNITS = {
     "bit_s": "bit/s",
     "db_k": "dB/K",
     "m_s": "m/s",
+    "rad_s": "rad/s",
     "deg_s": "deg/s",
     "deg_h": "deg/h",
     "within_h": "h",

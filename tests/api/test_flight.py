@@ -51,7 +51,7 @@ def test_the_telemetry_alone_says_where_it_comes_from(saved, tmp_path):
 
 def test_tables_and_telemetry_agree(flight):
     table, cells = flight.spacecraft, flight.cells
-    assert list(table.index) == ["sc1", "sc2"] and list(table["arrivals_point"]) == [12, 40]
+    assert list(table.index) == ["sc1", "sc2"] and list(table["visiting_point"]) == [12, 40]
     share = 100.0 * cells.loc[cells["seen"], "area_m2"].sum() / cells["area_m2"].sum()
     assert (
         share == pytest.approx(flight.coverage.percent) == pytest.approx(flight.summary["coverage_percent"], abs=1e-6)
