@@ -36,7 +36,7 @@ def graph(body, r_N, works=None, **keys):
     works = np.ones(n, bool) if works is None else np.array(works)
     zero = np.zeros(n, np.int64)
     now = Instant(r_N, np.tile(np.eye(3), (n, 1, 1)), np.eye(3), np.array([1.5e11, 0.0, 0.0]), zero, zero, works)
-    return graph_at(Radios(antennas.beams, RATES, RateTable(np.zeros((0, 1)), np.zeros((0, 1)))), body, now, **keys)
+    return graph_at(Radios(antennas, RATES, RateTable(np.zeros((0, 1)), np.zeros((0, 1)))), body, now, **keys)
 
 
 def links_of(n, *pairs, rate=100.0, loss=0.0):

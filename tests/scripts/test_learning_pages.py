@@ -40,7 +40,7 @@ def test_a_rule_counts_as_passed_from_where_it_stays_passed():
 def test_page_picture_and_numbers_tell_the_same(curves, tmp_path):
     lines = {"random": 0.1, "sweep": 0.3, "greedy": 0.4, "greedy_ahead": 0.9, "planner": 1.2, "bound": 3.0}
     text = learning.page({"ppo": curves}, lines, "+0.125 +- 0.250")
-    assert "whole interval lies above *greedy* (0.400) with: PPO in one file, with masks." in text
+    assert "all runs lie above *greedy* (0.400) with: PPO in one file, with masks." in text
     assert learning.numbers({"ppo": curves}, lines)["curves"]["ppo"]["interquartile_mean"][2][0] == 1.0333
     learning.draw({"ppo": curves}, lines)
     assert (tmp_path / "curves.png").stat().st_size > 1000
