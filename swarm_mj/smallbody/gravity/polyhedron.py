@@ -10,23 +10,27 @@ with r_e and r_f from the field point to a point of the edge and of the face, L_
 solid angle of the face, E_e and F_f dyads of normals. On an edge L_e is infinite, yet its products in potential and
 attraction tend to zero; the gradient really is infinite there.
 
-The sums cancel: their relative rounding grows with the cube of the distance, to pure noise at some 1e5 radii. Far away the
-field is therefore that of the same polyhedron in spherical harmonics, which converge there within a few degrees.
+The sums cancel: their relative rounding grows with the cube of the distance, to pure noise at some 1e5 radii, and they take as
+long everywhere. From two radii on the field is therefore that of the same polyhedron in spherical harmonics, which
+converge there: truer, and with thousands of faces a hundred times faster.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import repeat
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from swarm_mj.compilation import allocation_free, jittable, kernel
 from swarm_mj.errors import ScenarioError
+from swarm_mj.io.machine import usable_cores
 from swarm_mj.scenarios.constants import GRAVITATIONAL_CONSTANT
 from swarm_mj.smallbody.gravity.base import positions, positive
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics, fit_harmonics
@@ -38,10 +42,13 @@ from swarm_mj.typing import Array, Ints, Ints32
 #: Bound on the argument of the wire's logarithm: keeps 0 times infinity at 0 for points on an edge.
 MIN_WIRE_GAP = 1e-300
 #: Distances over the body's largest radius between which the sums pass over into harmonics: at the first one the series leaves
-#: out less than 16^-13 = 2e-16, at the second one the sums have lost a factor 24^3, to some 1e-10 with many faces.
-FAR_RADII = (16.0, 24.0)
-#: Degree of the harmonics, and the sphere on which they are fitted, over the largest radius.
-FAR_DEGREE, FIT_RADII = 12, 3.0
+#: out less than 51 times 2^-51 = 2e-14, beyond the second one the rounding of the sums is as large as that of the series.
+FAR_RADII = (2.0, 2.5)
+#: Degree of the harmonics, and the sphere on which they are fitted, over the largest radius. What rounding adds there to a
+#: coefficient of degree n has fallen by 0.8^n at the first distance: with thousands of faces both fields agree to some 2e-13.
+FAR_DEGREE, FIT_RADII = 50, 1.6
+#: Terms of the sums that are worth a thread of their own, some milliseconds.
+LEAST_TERMS = 100_000
 #: Side of a cell over the largest radius, at most: flights that differ by rounding are nearly always in one, see `in_cells`.
 CELL_RADII = 2.0**-28
 #: Numbers that are kept of a cell: its middle [m], the attraction there [m/s^2], and xx, xy, xz, yy, yz, zz of the gradient
@@ -137,7 +144,9 @@ class Polyhedron:
     def far_field(self) -> SphericalHarmonics:
         """The same field in spherical harmonics, which hold beyond `FAR_RADII` of the largest radius."""
         radius = self.shape.max_radius
-        return fit_harmonics(lambda r_A: self._sums(r_A)[:, 0], self.gm, radius, FAR_DEGREE, FIT_RADII * radius)
+        return fit_harmonics(
+            lambda r_A: self._sums(r_A)[:, 0], self.gm, radius, FAR_DEGREE, FIT_RADII * radius, margin=5
+        )
 
     def _near_and_far(self, r_A: Array, near: Callable[[Array], Array], far: Callable[[Array], Array]) -> Array:
         """The sums near the body, the harmonics far away, and between them a smooth passage from one to the other."""
@@ -155,7 +164,11 @@ class Polyhedron:
         return field
 
     def _sums(self, r_A: Array) -> Array:
-        return _field(positions(r_A), self.elements)
+        r_A = positions(r_A)
+        if (parts := min(usable_cores(), len(r_A) * len(self.shape.faces) // LEAST_TERMS)) < 2:
+            return np.asarray(_field(r_A, self.elements))
+        with ThreadPoolExecutor(parts) as pool:  # kernels run without Python's lock
+            return np.concatenate(list(pool.map(_field, np.array_split(r_A, parts), repeat(self.elements))))
 
     def _near(self, r_A: Array) -> Array:
         if self.cell > 0.0:
