@@ -55,15 +55,15 @@ def attraction_of_points(r_A, half=HALF, gm=None, order=12):
     return gm * np.einsum("p,npi->ni", mass, d / np.linalg.norm(d, axis=2, keepdims=True) ** 3)
 
 
-@pytest.mark.parametrize("distance", [4e3, 1e4, 1.9e4, 2.2e4, 2.6e4, 3.0e4, 1e5, 1e7, 1e10])
+@pytest.mark.parametrize("distance", [2.6e3, 2.8e3, 3.1e3, 4e3, 1e4, 1e5, 1e7, 1e10])
 def test_attraction_is_exact_from_near_to_as_far_as_anybody_flies(cuboid, distance):
     rng = np.random.default_rng(1)
     directions = rng.standard_normal((30, 3))
     r_A = distance * directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    expected = attraction_of_points(r_A, gm=cuboid.gm)
+    expected = attraction_of_points(r_A, gm=cuboid.gm, order=24)
     for field in (cuboid, cuboid.in_cells):
         error = np.linalg.norm(field.acceleration(r_A) - expected, axis=1) / np.linalg.norm(expected, axis=1)
-        assert error.max() < 1e-9
+        assert error.max() < 1e-12
 
 
 def test_far_attraction_is_that_of_a_point_at_the_centroid_of_thousands_of_faces():
@@ -80,7 +80,7 @@ def test_far_attraction_is_that_of_a_point_at_the_centroid_of_thousands_of_faces
 def test_the_passage_to_the_far_field_is_smooth_in_potential_attraction_and_gradient(cuboid):
     """Differences of the potential give the attraction, and those of the attraction its gradient, all the way through."""
     radius, direction = cuboid.shape.max_radius, np.array([0.48, -0.6, 0.64])
-    for x in np.linspace(14.0, 26.0, 25):
+    for x in np.linspace(1.8, 2.7, 25):
         r_A, h = x * radius * direction, 1e-3 * x * radius
         steps = h * np.vstack((np.eye(3), -np.eye(3)))
         potential, attraction = cuboid.potential(r_A + steps), cuboid.acceleration(r_A + steps)
@@ -202,7 +202,7 @@ def with_cells(body, cell):
     return other
 
 
-@pytest.mark.parametrize("height", [1.0, 100.0, 3000.0])
+@pytest.mark.parametrize("height", [1.0, 100.0, 1000.0])
 def test_what_cells_leave_out_is_of_second_order_and_within_its_bound(cuboid, height):
     coarse, errors = 2.0 ** np.floor(np.log2(height / 32.0)), []
     middles = coarse * np.rint(places_above(height) / coarse)
@@ -216,7 +216,7 @@ def test_what_cells_leave_out_is_of_second_order_and_within_its_bound(cuboid, he
     assert np.linalg.norm(errors[0]) / np.linalg.norm(errors[1]) == pytest.approx(4.0, rel=0.1)
 
 
-@pytest.mark.parametrize("height", [1.0, 100.0, 3000.0])
+@pytest.mark.parametrize("height", [1.0, 100.0, 1000.0])
 def test_cells_are_so_small_that_the_sums_are_as_exact_as_before(cuboid, height):
     cell = cuboid.in_cells.cell
     assert np.log2(cell) % 1.0 == 0.0 and 2.0**-29 < cell / cuboid.shape.max_radius <= 2.0**-28
@@ -237,7 +237,7 @@ def pulled(body, r_A, kept):
     return a_A[0]
 
 
-@pytest.mark.parametrize("radii", [1.2, 17.0, 23.0, 30.0])
+@pytest.mark.parametrize("radii", [1.2, 2.1, 2.4, 3.0])
 def test_attraction_in_cells_depends_on_the_place_alone_whoever_was_there_before(cuboid, radii):
     body, rng = cuboid.in_cells, np.random.default_rng(4)
     directions = rng.standard_normal((10, 3))
