@@ -157,7 +157,8 @@ def policy_file(name_or_file: str | Path, names: Iterable[str]) -> Path:
     """
     path = Path(name_or_file)
     if not path.is_file():
-        raise ScenarioError(f"policy {str(path)!r}: no such file, and no name; names are {', '.join(names)}")
+        what = "is no regular file" if path.exists() else "no such file"
+        raise ScenarioError(f"policy {str(path)!r}: {what}, and no name; names are {', '.join(names)}")
     return path
 
 

@@ -49,7 +49,8 @@ def policy_overrides(policy: str, scenario: Scenario) -> dict[str, Any]:
         PluginError: The scenario's own behaviour, which says what the swarm is, cannot be had.
     """
     if policy not in NAMES and policy != "trained" and not Path(policy).is_file():
-        raise MissionError(f"--policy {policy!r}: no such file, and no name; names are trained, {', '.join(NAMES)}")
+        what = "is no regular file" if Path(policy).exists() else "no such file"
+        raise MissionError(f"--policy {policy!r}: {what}, and no name; names are trained, {', '.join(NAMES)}")
     name = "scripted_policy" if policy in NAMES else "trained_policy"
     parameters: dict[str, Any] = {}
     if policy != "trained":

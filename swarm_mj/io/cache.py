@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.io.arrays import MAX_HEADER
+from swarm_mj.io.atomic import replacing
 from swarm_mj.io.records import require_file
 
 #: Half-written files of this age [s] belong to processes that were killed.
@@ -63,15 +64,11 @@ def store_array(file: Path, array: NDArray[Any], *, folder_bytes: int | None = N
 
     Of all files in its folder together those used longest ago, never this one, make room beyond `folder_bytes`; None: none.
     """
-    partial = file.with_name(f".{file.name}.{os.getpid()}.partial")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as out:
+        with replacing(file) as partial, partial.open("wb") as out:
             np.save(out, array)
-        os.replace(partial, file)
     except OSError:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
         return
     if folder_bytes is not None:
         with suppress(OSError):  # the folder itself may be cleared meanwhile

@@ -240,7 +240,10 @@ class Scenario(Section):
     """A whole mission."""
 
     name: str = Field(
-        min_length=1, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", description="what results and their folder are called"
+        min_length=1,
+        max_length=100,
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$",
+        description="what results and their folder are called",
     )
     description: str = Field("", description="one line on what the scenario is; shown in lists and reports")
     seed: int = Field(
