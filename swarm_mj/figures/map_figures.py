@@ -50,7 +50,7 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.coverage import percent_text
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.typing import Array, Indices
+from swarm_mj.typing import Array, Indices, Mask
 
 TRACK_COLUMNS = 720
 #: Corners of a track; a flyby bends little.
@@ -142,8 +142,9 @@ def _track_handles(plan: Plan, step: str) -> list[Line2D]:
 COLUMNS, SEARCH_COLUMNS = 600, 120
 #: Where the ground hides itself a margin jumps from place to place; so far it is smoothed [places].
 SMOOTH = 0.8
-#: The pictures of a passage are thinned to so many; they overlap.
-MAX_PICTURES = 90
+#: Of what pictures hold together, every so many pictures come first: most places are then found soon. Side of the squares of
+#: places that pictures are sought for [places], and how much wider than a picture they are sought.
+STRIDE, SQUARE, WIDER = 61, 16, 1.2
 UNION_DASHES: Dashes = (0.0, (3.0, 2.0))
 #: Width of the map, and height of title, names and legend around it [in].
 MAP_IN, FRAME_IN = 8.2, 2.0
@@ -171,7 +172,7 @@ def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationRes
     _paint_ground(ax, plan, result, ground)
     whole = False
     if scenario.observation.criterion == "passage":
-        passage = [picture.pose for picture in taken[:: 1 + len(taken) // MAX_PICTURES]]
+        passage = [picture.pose for first in range(STRIDE) for picture in taken[first::STRIDE]]
         whole = _draw_union(ax, passage, camera, mesh, ground)
     for border in target_outlines(plan.region):
         draw_track(ax, border, window.centre_longitude, color=BLACK, linewidth=2.2, zorder=3)
@@ -255,13 +256,31 @@ def _paint_ground(ax: Axes, plan: Plan, result: ObservationResult, ground: Groun
 def _draw_union(ax: Axes, poses: list[CameraPose], camera: CameraModel, mesh: ShapeModel, ground: Ground) -> bool:
     """Outline what the pictures of a passage hold together, from every other place; gives whether there is an outline."""
     ground = ground.every(2)
-    points, face = ground.points_A.reshape(-1, 3), ground.face.ravel()
-    union, left = np.full(len(face), -1.0), np.flatnonzero(face >= 0)
-    for pose in poses:
-        union[left] = np.maximum(union[left], _margin_at(camera, pose, points[left], face[left], mesh))
-        left = left[union[left] <= 0.0]  # what one picture holds need not be looked for in others
-    margin = union.reshape(ground.face.shape)
+    margin = union_margin(camera, poses, ground, mesh)
     return bool(_outline(ax, ground, margin, color=BLACK, linewidth=1.2, linestyle=UNION_DASHES))
+
+
+def union_margin(camera: CameraModel, poses: list[CameraPose], ground: Ground, body: ShapeModel) -> Array:
+    """Above zero where one of the pictures holds a place of a map, as `view_margin` says, shape (r, c); -1 far from all."""
+    points, face = ground.points_A.reshape(-1, 3), ground.face.ravel()
+    rows, columns = np.indices(ground.face.shape) // SQUARE
+    square = (rows * (columns.max() + 1) + columns).ravel()
+    union, left = np.full(len(face), -1.0), np.flatnonzero(face >= 0)
+    parts = [points[left[square[left] == k]] for k in range(square.max() + 1)]
+    centres = np.array([part.mean(axis=0) if len(part) else np.full(3, np.nan) for part in parts])
+    radii = [np.linalg.norm(part - c, axis=1).max(initial=0.0) for part, c in zip(parts, centres, strict=True)]
+    for pose in poses:
+        some = left[_reaches(camera, pose, centres, np.array(radii))[square[left]]]
+        union[some] = np.maximum(union[some], _margin_at(camera, pose, points[some], face[some], body))
+        left = left[union[left] <= 0.0]  # what one picture holds need not be looked for in others
+    return union.reshape(ground.face.shape)
+
+
+def _reaches(camera: CameraModel, pose: CameraPose, centres: Array, radii: Array) -> Mask:
+    """Whether a cone somewhat wider than a picture comes to balls, centres (n, 3), shape (n,)."""
+    cone = np.arctan(WIDER * camera.tan_half_angle * (1.0 if camera.shape == "cone" else np.sqrt(2.0)))
+    x, y, z = pose.to_camera(centres).T
+    return np.asarray(np.hypot(x, y) * np.cos(cone) - z * np.sin(cone) <= radii)
 
 
 def _outline(

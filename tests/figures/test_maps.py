@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from swarm_mj.figures.map_figures import mark_interval, view_margin
+from swarm_mj.figures import map_figures
+from swarm_mj.figures.map_figures import mark_interval, union_margin, view_margin
 from swarm_mj.figures.maps import (
     MapExtent,
     directions,
@@ -15,6 +16,7 @@ from swarm_mj.figures.maps import (
     target_outlines,
     whole_body,
 )
+from swarm_mj.flight.observe import flight_pictures
 from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.spacecraft.attitude.mrp import dcm
@@ -129,6 +131,25 @@ def test_cells_that_a_picture_shows_lie_in_its_footprint(flown):
     column = np.abs(ground.longitudes[:, None] - longitude).argmin(axis=0)
     assert 0 < shown.sum() < region.n_cells
     assert (held[row, column] == shown).mean() > 0.97  # cells at the edge fall to one side or the other
+
+
+@pytest.mark.parametrize("shape", ["square", "cone"])
+def test_the_union_of_many_pictures_holds_what_any_of_them_holds(cube, shape):
+    camera, ground = CameraModel(half_angle_deg=3.0, shape=shape), survey(cube, FRONT, 120)
+    rng = np.random.default_rng(5)
+    poses = [look_at([4.0, *rng.uniform(-2, 2, 2)], [1.0, *rng.uniform(-1, 1, 2)]) for _ in range(150)]
+    held = np.any([view_margin(camera, pose, ground, cube) > 0.0 for pose in poses], axis=0)
+    assert ((union_margin(camera, poses, ground, cube) > 0.0) == held).all()
+    assert 0.3 < held.mean() < 1.0
+
+
+def test_the_outline_of_a_passage_is_of_all_its_pictures(flown, monkeypatch):
+    found: list[int] = []
+    monkeypatch.setattr(
+        map_figures, "union_margin", lambda camera, poses, ground, body: found.append(len(poses)) or ground.face
+    )
+    map_figures.compose_footprints(*flown)
+    assert found == [len(list(flight_pictures(*flown[:2])))]
 
 
 def test_track_is_broken_at_the_sides_of_the_map_and_at_the_poles():
