@@ -68,12 +68,8 @@ def _leader(colour: str) -> dict[str, Any]:
 
 def _offsets(ax: Axes, places: Array, lines: Sequence[Array], marked: bool) -> Array:
     """Where each number stands relative to its place [pt], shape (n, 2); before the layout is known, so about."""
-    ax.apply_aspect()
-    figure = ax.get_figure(root=True)
-    assert figure is not None
-    scale = POINTS_PER_INCH / figure.dpi
-    spots = scale * ax.transData.transform(places)
-    path = np.vstack([np.empty((0, 2)), *(_dense(scale * ax.transData.transform(line)) for line in lines)])
+    spots = on_page(ax, places)
+    path = np.vstack([np.empty((0, 2)), *(_dense(on_page(ax, line)) for line in lines)])
     outward = spots - spots.mean(axis=0)
     solid = spots if marked else np.empty((0, 2))
     offsets: list[Array] = []
@@ -89,6 +85,14 @@ def _offsets(ax: Axes, places: Array, lines: Sequence[Array], marked: bool) -> A
         offsets.append(TRIALS_PT[np.argmin(cost)])
         solid = np.vstack((solid, spot + offsets[-1]))
     return np.array(offsets).reshape(-1, 2)
+
+
+def on_page(ax: Axes, places: Array) -> Array:
+    """Places (n, 2) in the axes' units on the page [pt]; before the layout is known, so about."""
+    ax.apply_aspect()
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    return np.asarray(POINTS_PER_INCH / figure.dpi * ax.transData.transform(places))
 
 
 def _distances(places: Array, others: Array) -> Array:

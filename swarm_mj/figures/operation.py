@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from swarm_mj.figures.behaviors import Frame
 from swarm_mj.figures.box import box_around, draw_box, keep_inside
 from swarm_mj.figures.cells import draw_cells
-from swarm_mj.figures.numbering import name_beside, number_beside
+from swarm_mj.figures.numbering import name_beside, number_beside, on_page
 from swarm_mj.figures.palette import BLACK, BLUE, GREY, MODE_STYLES, ORANGE, SKY_BLUE, VERMILLION
 from swarm_mj.figures.panels import draw_bars, legend_below, marker_handle
 from swarm_mj.figures.scene import (
@@ -71,6 +71,12 @@ TRAIL_POINTS = 120
 #: More spacecraft than these are not numbered: the numbers would cover each other.
 MAX_NUMBERED = 12
 DASHES = (0, (4, 2.5))
+#: Distances and angles from an axis' end at which its name is tried [pt, rad], and half its size with a marker's [pt].
+REACHES_PT, TURNS, WORDS_PT = (
+    (5.0, 15.0, 25.0, 40.0, 60.0, 80.0),
+    np.radians((0.0, 45.0, -45.0, 90.0, -90.0)),
+    (23.0, 10.0),
+)
 
 
 def compose_operation(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
@@ -91,7 +97,7 @@ def compose_operation(plan: Plan, telemetry: xr.Dataset, result: ObservationResu
         caption(grid[0, column], words, size=TICK_PT + 1)
         started.append(_draw_instant(grid[0, column], plan, telemetry, seen, scene, view, k))
         _draw_target(grid[1, column], plan, seen)
-    legend_below(figure, _handles(scene, seen_by_then, any(started), any(_hides(ax) for ax in grid[0])))
+    legend_below(figure, _handles(scene, instants, seen_by_then, any(started), any(_hides(ax) for ax in grid[0])))
     return figure
 
 
@@ -130,7 +136,7 @@ def _draw_instant(ax: Axes, plan: Plan, telemetry: xr.Dataset, seen: Mask, scene
 def _name(ax: Axes, plan: Plan, scene: Scene, view: View, k: int, trail: Indices, tips: Array) -> None:
     """Number the spacecraft, and say which axes lead to Earth."""
     for relay in np.flatnonzero(scene.mode[k] == TargetKind.EARTH):
-        _name_earth(ax, view.project(scene.r_A[k, relay]), view.project(tips[relay]))
+        name_earth(ax, view.project(scene.r_A[k, relay]), view.project(tips[relay]), view.project(scene.r_A[k]))
     if plan.n <= MAX_NUMBERED:
         flown = [view.project(scene.r_A[trail, j]) for j in range(plan.n)]
         sights = [view.project(np.stack(ends)) for ends in zip(scene.r_A[k], tips, strict=True)]
@@ -154,28 +160,35 @@ def _colour_and_marker(scene: Scene, j: int, k: int) -> tuple[str, str]:
     """Colour and marker of spacecraft j at sample k."""
     if scene.mode[k, j] == LOST:
         return MODE_STYLES[LOST].line_colour, "X"
-    return (BLUE, "D") if scene.relays[j] else (VERMILLION, "o")
+    return (BLUE, "D") if scene.relays[k, j] else (VERMILLION, "o")
 
 
-def _name_earth(ax: Axes, start: Array, tip: Array) -> None:
-    """Say where an axis without a visible end leads."""
-    offset = 5.0 * unit(tip - start)
+def name_earth(ax: Axes, start: Array, tip: Array, swarm: Array) -> None:
+    """Say where an axis without a visible end leads, as near to its end as the words cover none of the swarm (n, 2)."""
+    ahead, place, others = unit(tip - start), on_page(ax, tip), on_page(ax, swarm)
+    across = np.array([-ahead[1], ahead[0]])
+    trials = [reach * (np.cos(turn) * ahead + np.sin(turn) * across) for reach in REACHES_PT for turn in TURNS]
+    centres = [place + trial + (np.copysign(WORDS_PT[0], trial[0]), 0.0) for trial in trials]
+    offset = trials[np.argmin([(np.abs(others - centre) < WORDS_PT).all(axis=1).sum() for centre in centres])]
     side = "left" if offset[0] >= 0.0 else "right"
     annotate(ax, "to Earth", tip, offset, ha=side, fontsize=SMALL_PT, color=BLUE, path_effects=HALO, zorder=7)
 
 
-def _handles(scene: Scene, seen_by_then: list[Mask], started: bool, hides: bool) -> list[Line2D | Patch]:
+def _handles(
+    scene: Scene, instants: tuple[int, int], seen_by_then: list[Mask], started: bool, hides: bool
+) -> list[Line2D | Patch]:
     """Legend entries of what is in the pictures, given which cells were observed at each instant."""
+    relays, lost = scene.relays[[*instants]], scene.mode[[*instants]] == LOST
     handles: list[Line2D | Patch] = []
     if any(seen.any() for seen in seen_by_then):
         handles.append(Patch(facecolor=SKY_BLUE, label="target, observed so far"))
     if not all(seen.all() for seen in seen_by_then):
         handles.append(Patch(facecolor=ORANGE, label="target, not yet observed"))
-    if not scene.relays.all():
+    if (~relays & ~lost).any():
         handles.append(marker_handle("observing spacecraft", VERMILLION, "o"))
-    if scene.relays.any():
+    if (relays & ~lost).any():
         handles.append(marker_handle("communications spacecraft", BLUE, "D"))
-    if (scene.mode[-1] == LOST).any():
+    if lost.any():
         handles.append(marker_handle("lost spacecraft", MODE_STYLES[LOST].line_colour, "X"))
     path = "path flown" + ("; pale: behind the body" if hides else "")
     handles += [

@@ -38,7 +38,7 @@ class Scene:
         turn: Attitude of A relative to the frame of the scene, shape (t, 3, 3).
         r_A: Positions, shape (t, n, 3) [m].
         z_A: Directions of +z, shape (t, n, 3).
-        relays: Whether each spacecraft is, or at some time becomes, the communications spacecraft, shape (n,).
+        relays: Whether each spacecraft is a communications spacecraft then: sent as one, or pointing at Earth, shape (t, n).
         mode: What each tracks, or that it is lost, as `modes_shown` tells, shape (t, n).
     """
 
@@ -59,13 +59,12 @@ def scene_from(plan: Plan, telemetry: xr.Dataset, *, at_rest: bool = False) -> S
         turn, C_AN = C_AN @ at_arrival.T, np.broadcast_to(at_arrival, C_AN.shape)
     z_N = dcm(telemetry["sigma_BN"].values)[..., 2, :]
     mode = modes_shown(telemetry)
-    ever_earth = (mode == TargetKind.EARTH).any(axis=0)
     return Scene(
         times=telemetry["time"].values,
         turn=turn,
         r_A=np.einsum("kij,knj->kni", C_AN, telemetry["r_BN_N"].values),
         z_A=np.einsum("kij,knj->kni", C_AN, z_N),
-        relays=ever_earth | (np.arange(plan.n) >= plan.n_observers),
+        relays=(mode == TargetKind.EARTH) | (np.arange(plan.n) >= plan.n_observers),
         mode=mode,
     )
 
@@ -87,7 +86,7 @@ def axis_tips(telemetry: xr.Dataset, scene: Scene, body: ShapeModel, k: int, fre
 def best_view(region: TargetRegion, scene: Scene, instants: Sequence[int]) -> View:
     """A view in which the target, the flight path and the axes of the communications spacecraft can all be made out."""
     path = scene.r_A.mean(axis=1)
-    lengthwise = [path[-1] - path[0], *scene.z_A[-1, scene.relays]]
+    lengthwise = [path[-1] - path[0], *scene.z_A[-1, scene.relays.any(axis=0)]]
 
     def merit(view: View) -> float:
         turned = [float(np.linalg.norm(view.axes[:2] @ unit(line))) for line in lengthwise]
@@ -103,7 +102,7 @@ def _clearance(view: View, scene: Scene, k: int) -> float:
     flat = view.project(scene.r_A[k])
     height = float(np.ptp(view.project(scene.r_A[: k + 1].reshape(-1, 3)), axis=0).max()) or 1.0
     shares = [1.0]
-    for j in np.flatnonzero(scene.relays):
+    for j in np.flatnonzero(scene.relays.any(axis=0)):
         axis = view.project(scene.z_A[k, j]) * KM
         others = np.delete(flat, j, axis=0) - flat[j]
         ahead = others @ axis > 0.0

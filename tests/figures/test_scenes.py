@@ -5,12 +5,15 @@ import pytest
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import rgb_to_hsv, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from swarm_mj.figures.behaviors import flight_plane, place_above
+from swarm_mj.figures.operation import name_earth
 from swarm_mj.figures.palette import ORANGE, SKY_BLUE
 from swarm_mj.figures.run_figures import COMPOSERS
 from swarm_mj.figures.scene import axis_tips, best_view, scene_from
 from swarm_mj.figures.target import geographic
+from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.target import angles
 
 from .sheets import assert_nothing_is_cut_off, swarm_of, with_coverage
@@ -147,3 +150,26 @@ def test_words_stay_in_the_diagram_where_a_line_of_sight_leaves_it():
     assert y < 18.0
     assert 3.0 + 1.0 < x < 3.0 + 3.0  # half the text's width away, and no farther than it need be
     assert place_above(ax, upwards[:1], upwards[:3])[0] == 3.0
+
+
+def test_markers_of_the_operation_say_what_each_spacecraft_does_at_the_instant_drawn(flown, composed):
+    mode = scene_from(*flown[:2]).mode
+    for ax, k in zip(composed["operation"].axes[:2], (ARRIVAL, -1), strict=True):
+        markers = [line.get_marker() for line in ax.lines if line.get_marker() in "oD" and len(line.get_xdata())]
+        assert markers == ["D" if kind == TargetKind.EARTH else "o" for kind in mode[k]]
+    assert (mode[ARRIVAL] != TargetKind.EARTH).all() and (mode[-1] == TargetKind.EARTH).any()
+    words = {text.get_text() for text in composed["operation"].legends[0].texts}
+    assert {"observing spacecraft", "communications spacecraft"} <= words
+
+
+def test_the_name_of_earth_covers_no_spacecraft():
+    ax, places = (
+        Figure(figsize=(4.0, 4.0)).subplots(),
+        np.array([[x, y] for x in (0.3, 0.4, 0.5) for y in (0.4, 0.5, 0.6)]),
+    )
+    ax.plot(*places.T, "o", markersize=6.5)
+    name_earth(ax, np.array([0.9, 0.5]), np.array([0.42, 0.5]), places)
+    ax.figure.draw_without_rendering()
+    (words,) = ax.texts
+    box = Text.get_window_extent(words)
+    assert not box.count_contains(ax.transData.transform(places))
