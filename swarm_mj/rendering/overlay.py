@@ -248,13 +248,16 @@ class Lettering:
     ) -> None:
         """Write beside points (k, 3) [m] what they are: in one label where they coincide, on a leader where it is crowded.
 
-        `dots`: which points to mark too.
+        `dots`: which points to mark too; where more than `MAX_NAMED` of these are in view, marks must do.
         """
         places, inside = projection.place(points_N)
         shown = np.flatnonzero(inside)
-        for k in np.intersect1d(shown, dots).astype(int).tolist():
+        marked = np.intersect1d(shown, dots).astype(int).tolist()
+        for k in marked:
             x, y = places[k]
             self._draw.ellipse((x - 2, y - 2, x + 2, y + 2), fill=labels[k][1])
+        if len(marked) > MAX_NAMED:
+            return
         nobody = np.empty((0, 2))
         self._write_labels(
             places[shown], [labels[k] for k in shown.tolist()], SAME_PLACE * self.size, projection, nobody

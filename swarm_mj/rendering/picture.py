@@ -243,8 +243,7 @@ class Drawing:
         for j, view in cameras.items():
             lettering.caption(f"{names[j]} {deed(instant, names, j)}", view.box, labels[j][1])
             others = np.delete(np.arange(instant.n), j)
-            if instant.n <= MAX_NAMED:
-                lettering.names(instant.r_BN_N[others], [labels[k] for k in others], view, dots=range(len(others)))
+            lettering.names(instant.r_BN_N[others], [labels[k] for k in others], view, dots=range(len(others)))
             if _is_dark(pixels, view.box) and not view.place(instant.r_BN_N[others])[1].any():
                 lettering.remark("nothing in view", view.box)
         return lettering.pixels

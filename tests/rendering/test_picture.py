@@ -14,6 +14,7 @@ from scipy.ndimage import binary_erosion
 from swarm_mj.errors import ObserverError, OutputError
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.rendering import canvas as canvas_module
+from swarm_mj.rendering import overlay, picture
 from swarm_mj.rendering.cameras import overview, view_direction
 from swarm_mj.rendering.canvas import Box, Canvas
 from swarm_mj.rendering.decorations import dashes, decorate
@@ -228,6 +229,16 @@ def test_a_camera_that_looks_into_space_says_so_and_one_that_sees_something_does
     grey = (np.ptp(shown[1], axis=2) <= 2) & (shown[1].max(axis=2) > 100)
     assert 0.005 < grey.mean() < 0.2 and (shown[1][~grey].max() <= 150)
     assert not np.array_equal(shown[0], shown[1])
+
+
+@pytest.mark.parametrize("most", [1, 0])
+def test_a_camera_marks_spacecraft_in_view_in_a_swarm_too_large_for_names(replay, monkeypatch, most):
+    for module in (picture, overlay):
+        monkeypatch.setattr(module, "MAX_NAMED", most)
+    with Drawing(replay.plan, replay.path_N, camera="split", width=640, height=480) as drawing:
+        shown, box = drawing.draw(replay.at(replay.times[-1])), drawing._layout.cameras[1]
+    inside = shown[box.top + 10 : box.top + box.height - 30, box.left + 10 : box.left + box.width - 10]
+    assert 4 < (inside.max(axis=2) > 100).sum() < (1000 if most else 40)
 
 
 def test_a_narrow_legend_takes_more_rows_and_none_runs_out_of_its_view():
