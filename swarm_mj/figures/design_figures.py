@@ -101,8 +101,9 @@ def compose_cover(study: Study) -> Figure:
         _draw_points(ax, study, k)
         if len(regions) > 1:
             caption(ax, f"target {target_name(k)}")
-    words = ("not seen", "seen by 1", "by 2", "by 3 or more")
-    handles: list[Patch | Line2D] = [Patch(color=c, label=w) for c, w in zip(TIMES_SEEN, words, strict=True)]
+    words = ("not seen", "seen by 1", "seen by 2", "seen by 3 or more")
+    there = np.unique(np.minimum(times, len(TIMES_SEEN) - 1))
+    handles: list[Patch | Line2D] = [Patch(color=TIMES_SEEN[n], label=words[n]) for n in there]
     spot: dict[str, Any] = {"marker": "o", "linestyle": "", "color": VERMILLION, "markeredgecolor": "white"}
     handles.append(Line2D([], [], label="visited point", **spot))
     figure.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=TICK_PT, frameon=False)

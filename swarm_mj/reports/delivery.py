@@ -41,7 +41,7 @@ from swarm_mj.typing import Array, Mask
 
 HINT = (
     "Dashed line: the arrival; full line: the end of the flight. The plots begin with the first picture and end when data no "
-    "longer move; a double-click shows all that was planned."
+    "longer move, or with the plan where none do; a double-click shows all that was planned."
 )
 #: Plots of a run, and what they are called.
 PLOTS = {"contacts": "Contacts and transfers", "data": "Data on their way", "map": "The map as it arrives"}
@@ -75,7 +75,8 @@ def delivery_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html |
             continue
         some = "" if run.n <= MAX_ROWS else f", {MAX_ROWS} of {run.n} spacecraft"
         boxes = []
-        for name, words in PLOTS.items():
+        for name in _shown(run.delivery):
+            words = PLOTS[name]
             head = tag("h3", words, some if name == "contacts" else None)
             box = tag("div", id=box_id(number, name), role="img", aria_label=words)
             boxes.append(tag("figure", head, box, class_=name))
@@ -109,7 +110,11 @@ def outcome(run: RunRecord, delivery: Delivery) -> str:
         "lost": int(lost),
     }
     parts = ", ".join(f"{bits / unit.bits:.4g} {unit.unit} {what}" for what, bits in amounts.items())
-    words += f"Data: {parts}; a picture may stay aboard where another one shows the same."
+    words += (
+        "Nothing was on its way. "
+        if not delivery.seen_bit
+        else f"Data: {parts}; a picture may stay aboard where another one shows the same."
+    )
     return words.replace(" %", "\N{NO-BREAK SPACE}%")
 
 
@@ -129,7 +134,12 @@ def delivery_figures(run: RunRecord) -> dict[str, go.Figure]:
     if run.delivery is None:
         return {}
     makers = {"contacts": contacts_figure, "data": data_figure, "map": map_figure}
-    return {name: make(run, run.delivery) for name, make in makers.items()}
+    return {name: makers[name](run, run.delivery) for name in _shown(run.delivery)}
+
+
+def _shown(delivery: Delivery) -> list[str]:
+    """Names of the plots; where nothing was seen no data are on their way."""
+    return [name for name in PLOTS if name != "data" or delivery.seen_bit]
 
 
 def contacts_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
@@ -330,8 +340,8 @@ def _finish(figure: go.Figure, run: RunRecord, delivery: Delivery, axis: TimeAxi
 
 
 def _until_s(run: RunRecord, delivery: Delivery) -> float:
-    """Until when the plots show at first [s]."""
-    return max(busy_until_s(delivery), run.scenario.duration_s)
+    """Until when the plots show at first [s]: while data move, or all that was planned where none do."""
+    return max(busy_until_s(delivery) or float(delivery.edges_s[-1]), run.scenario.duration_s)
 
 
 def _legend(height_px: float) -> dict[str, Any]:

@@ -45,6 +45,9 @@ function nearest(times, t) {
   return k + 1 < times.length && times[k + 1] - t < t - times[k] ? k + 1 : k;
 }
 
+/** Light where the Sun is at the horizon; it falls to 0 where it stands at the nadir, so that the night side shows its ground. */
+const TWILIGHT = 0.25;
+
 class Mesh {
   constructor(vertices, faces) {
     this.vertices = vertices;
@@ -79,7 +82,7 @@ class Mesh {
     const light = new Float32Array(normals.length / 3);
     for (let n = 0; n < light.length; n += 1) {
       const cosine = normals[3 * n] * sun[0] + normals[3 * n + 1] * sun[1] + normals[3 * n + 2] * sun[2];
-      light[n] = Math.max(0, cosine);
+      light[n] = TWILIGHT + (cosine > 0 ? 1 - TWILIGHT : TWILIGHT) * cosine;
     }
     return light;
   }

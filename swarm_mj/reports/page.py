@@ -22,7 +22,7 @@ from plotly.offline import get_plotlyjs
 
 from swarm_mj import __version__
 from swarm_mj.errors import OutputError
-from swarm_mj.figures.palette import MODE_STYLES, ORANGE, SKY_BLUE
+from swarm_mj.figures.palette import GROUND, MODE_STYLES, ORANGE, SKY_BLUE
 from swarm_mj.figures.units import time_axis
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.records import writing
@@ -35,7 +35,7 @@ from swarm_mj.reports.delivery import box_id, delivery_figures, delivery_section
 from swarm_mj.reports.markup import Content, Html, join, table, tag
 from swarm_mj.reports.plots import INK, MAX_ROWS, plot_run, plot_two
 from swarm_mj.reports.replay import Limits, Replay, f32, make_replay, packed
-from swarm_mj.reports.scene import MAX_NAMED, MAX_PATHS, path_points, scene_figure
+from swarm_mj.reports.scene import MAX_NAMED, MAX_PATHS, in_the_dark, path_points, scene_figure
 from swarm_mj.reports.sections import (
     design_section,
     has_thrusters,
@@ -219,6 +219,7 @@ def _camera_buttons(number: int) -> Html:
 
 def _key(replay: Replay) -> Html:
     entries = [(SKY_BLUE, "", "target, observed so far"), (ORANGE, "", "target, not yet observed")]
+    entries += [(in_the_dark(GROUND), "", "night side; colours of the target are darker there")]
     entries += [
         (MODE_STYLES[m].line_colour, "line", f"{'' if m >= LOST else '+z: '}{MODE_STYLES[m].meaning}")
         for m in np.unique(replay.mode)

@@ -351,13 +351,14 @@ class SceneView {
     return x.map((_, n) => [x[n], y[n], z[n]]).filter((_, n) => n % every === 0);
   }
 
-  /** Direction across the path, to the side where the target is seen and the Sun shines. */
+  /** Direction across the path, to the side where the target is seen and the Sun shines, or that the target faces in the dark. */
   side(first, last) {
     const axis = unit(this.targetAxis());
     const path = Array.from(this.position(last, 0), (v, k) => v - this.position(first, 0)[k]);
-    const sun = this.shownOf(this.shown, this.sun.subarray(3 * this.shown, 3 * this.shown + 3));
+    const faced = [0, 1, 2].map((k) => this.target.faceNormals.reduce((sum, v, place) => sum + (place % 3 === k ? v : 0), 0));
+    const sun = [...this.sun.subarray(3 * this.shown, 3 * this.shown + 3)];
     let side = unit(cross(path, axis));
-    if (dot(side, sun) < 0) side = side.map((v) => -v);
+    if (dot(side, this.shownOf(this.shown, dot(faced, sun) > 0 ? sun : faced)) < 0) side = side.map((v) => -v);
     return unit(axis.map((v, k) => 0.6 * v + side[k] + (k === 2 ? 0.2 : 0)));
   }
 

@@ -97,14 +97,19 @@ def _spots(part: str, **style: Any) -> go.Scatter3d:
 
 def _ramp(colour: str) -> list[list[Any]]:
     """From a colour in the dark to the same in full light."""
-    return [[0.0, _rgb(AMBIENT * 0.5 * _array(colour))], [1.0, _rgb(_array(colour))]]
+    return [[0.0, in_the_dark(colour)], [1.0, _rgb(_array(colour))]]
 
 
 def _two_ramps(below: str, above: str) -> list[list[Any]]:
     """The lower half of the scale for one colour, the upper for another; both from dark to light."""
-    low, high = (_array(colour) for colour in (below, above))
-    dark = AMBIENT * 1.2
-    return [[0.0, _rgb(dark * low)], [0.49, _rgb(low)], [0.51, _rgb(dark * high)], [1.0, _rgb(high)]]
+    low, high = (_rgb(_array(colour)) for colour in (below, above))
+    dark = [in_the_dark(colour, 1.5 * AMBIENT) for colour in (below, above)]
+    return [[0.0, dark[0]], [0.49, low], [0.51, dark[1]], [1.0, high]]
+
+
+def in_the_dark(colour: str, share: float = AMBIENT) -> str:
+    """A colour of the ground where the Sun stands at the nadir: a share of its own."""
+    return _rgb(share * _array(colour))
 
 
 def _array(colour: str) -> Array:

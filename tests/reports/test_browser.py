@@ -31,6 +31,20 @@ def test_the_3d_picture_and_the_plots_are_drawn(report):
     assert lines >= 9  # two spacecraft in three plots, the swarm, modes and links
 
 
+def test_the_night_side_shows_its_ground_and_a_target_there_faces_the_camera(report):
+    light = report.execute_script("return [...Mesh.light([0, 0, 1, 1, 0, 0, 0.6, 0, -0.8, 0, 0, -1], [0, 0, 1])]")
+    assert light[0] == 1.0 and light[3] == 0.0 and light == sorted(light, reverse=True) and light[2] > 0.02
+    toward = """
+        const scene = page.runs[0].scene, sun = scene.sun, faced = [0, 0, 0];
+        scene.target.faceNormals.forEach((v, place) => { faced[place % 3] += v; });
+        scene.sun = sun.map((_, place) => -unit(faced)[place % 3]);
+        const found = dot(scene.shownOf(scene.shown, unit(faced)), scene.side(...scene.run.scene.near));
+        scene.sun = sun;
+        return found;
+    """
+    assert report.execute_script(toward) > 0.0
+
+
 #: Counts what is drawn by WebGL and notes, once the page says that it is ready, what was there by then.
 WATCH = """
     window.drawn = 0;

@@ -84,6 +84,22 @@ def test_the_map_shows_each_cell_once(partly, run):
         assert len(words) == len(one.summary["not_delivered"])
 
 
+def test_where_nothing_was_seen_the_contacts_planned_are_shown_and_no_data(run):
+    plan, nothing = make_plan(run.scenario), np.full_like(run.coverage["first_seen_by_s"], np.nan)
+    result = observation_of(run, plan)
+    result.coverage.first_seen_by_s[:] = nothing
+    *_, result = with_delivery((plan, run.telemetry, result))
+    summary = {**run.summary, **delivered_summary(plan, result), "coverage_percent": 0.0}
+    dark = replace(
+        run, delivery=result.delivery, summary=summary, coverage={**run.coverage, "first_seen_by_s": nothing}
+    )
+    figures, text = delivery_figures(dark), str(delivery_section([dark], ["dark"]))
+    assert list(figures) == ["contacts", "map"] and "way-0-data" not in text and "othing was on its way" in text
+    axis, bars = figures["contacts"].layout.xaxis, figures["contacts"].data
+    ends = [start + length for bar in bars for start, length in zip(bar.base or (), bar.x or (), strict=True)]
+    assert ends and axis.range[1] == pytest.approx(max(ends))
+
+
 def test_a_run_whose_way_to_earth_is_unknown_has_no_such_part(run, partly):
     old = replace(run, delivery=None, summary={**run.summary, "delivered_percent": None})
     assert delivery_section([old], ["old"]) is None

@@ -11,6 +11,7 @@ import xarray as xr
 from swarm_mj.records.run_record import read_run
 from swarm_mj.reports.plots import FLOOR, plot_run
 from swarm_mj.reports.replay import Limits, border_rays, choose_samples, make_replay
+from swarm_mj.reports.scene import scene_figure
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.simplify import simplify
 from swarm_mj.smallbody.solid_angle import points_inside
@@ -185,3 +186,13 @@ def test_a_mesh_that_is_small_enough_is_left_alone():
     vertices, faces = geodesic_icosahedron(5)
     small = simplify(vertices, faces, len(faces))
     assert np.array_equal(small.vertices, vertices) and np.array_equal(small.faces, faces)
+
+
+def test_ground_in_the_dark_stands_out_from_the_borders_of_pictures_and_from_the_target(run, replay):
+    scales = {trace.meta: trace.colorscale for trace in scene_figure(run, replay).data if trace.type == "mesh3d"}
+    body, unseen, seen = (
+        np.array([int(part) for part in colour[4:-1].split(",")])
+        for colour in (scales["body"][0][1], scales["target"][0][1], scales["target"][2][1])
+    )
+    assert body.min() > 75  # the ink of borders is 32 or less, or light
+    assert min(abs(body - unseen).max(), abs(body - seen).max(), abs(unseen - seen).max()) > 60
