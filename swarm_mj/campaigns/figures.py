@@ -92,7 +92,7 @@ def compose_pointing(resolved: Resolved, results: pa.Table, summary: dict[str, A
     if not parts:
         return None
     parts, title = _shown(parts, f"Pointing error at the arrival: {plain(resolved.campaign.name)}")
-    figure = new_figure(4.4, title)
+    figure = new_figure(5.0 + 0.25 * -(-len(parts) // 3), title)
     ax = figure.add_subplot()
     for k, (scenario, values) in enumerate(parts.items()):
         _cumulative(ax, np.maximum(values, FLOOR_DEG), scenario, k)
@@ -104,8 +104,14 @@ def compose_pointing(resolved: Resolved, results: pa.Table, summary: dict[str, A
     ax.set_ylim(0.0, max(1.02, PERCENTILE + 0.5 * SPREAD * len(parts)))
     tidy(ax)
     label(ax, "largest pointing error of an observer [deg]", "share of flights with at most that [-]")
-    title = "dot: 95th percentile, bar: its 95 % interval\n(heights differ only to tell them apart)"
-    ax.legend(fontsize=TICK_PT, frameon=False, loc="upper left", title=title, title_fontsize=SMALL_PT)
+    title = "dot: 95th percentile, bar: its 95 % interval (heights differ only to tell them apart)"
+    look: dict[str, Any] = {
+        "fontsize": TICK_PT,
+        "title_fontsize": SMALL_PT,
+        "frameon": False,
+        "ncols": min(len(parts), 3),
+    }
+    figure.legend(loc="outside lower center", title=title, **look)
     return figure
 
 

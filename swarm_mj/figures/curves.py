@@ -13,9 +13,9 @@ from matplotlib.lines import Line2D
 
 from swarm_mj.figures.palette import BLACK, GREY, LIGHT_GREY, spacecraft_colours, spacecraft_styles
 from swarm_mj.figures.panels import draw_bars, legend_below, spacecraft_handles
-from swarm_mj.figures.style import caption, label, new_figure, note_of_omission, shown_spacecraft, tidy
+from swarm_mj.figures.style import caption, label, new_figure, tidy
 from swarm_mj.figures.timescale import TimeScale, time_scale
-from swarm_mj.figures.units import instant
+from swarm_mj.figures.units import instant, note_of_omission, shown_spacecraft
 from swarm_mj.flight.formation import ERROR, RECORD
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan

@@ -30,18 +30,9 @@ from swarm_mj.figures.illumination import PALETTE
 from swarm_mj.figures.links import area_style, mark_times, not_computed
 from swarm_mj.figures.palette import BLACK, GREY, LIGHT_GREY, SKY_BLUE, VERMILLION, Dashes, spacecraft_styles
 from swarm_mj.figures.panels import legend_below, spacecraft_handles
-from swarm_mj.figures.style import (
-    SMALL_PT,
-    TICK_PT,
-    caption,
-    label,
-    new_figure,
-    note_of_omission,
-    shown_spacecraft,
-    tidy,
-)
+from swarm_mj.figures.style import SMALL_PT, TICK_PT, caption, label, new_figure, tidy
 from swarm_mj.figures.timescale import TimeScale, delivery_scale
-from swarm_mj.figures.units import DataUnit, TimeAxis, data_unit, instant, time_axis
+from swarm_mj.figures.units import DataUnit, TimeAxis, data_unit, instant, note_of_omission, shown_spacecraft, time_axis
 from swarm_mj.figures.view import triangles
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan

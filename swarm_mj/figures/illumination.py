@@ -20,9 +20,9 @@ from swarm_mj.figures.cells import finish_cells, flat_cells
 from swarm_mj.figures.palette import BLACK, GREY, LIGHT_GREY, spacecraft_styles
 from swarm_mj.figures.panels import legend_below, spacecraft_handles
 from swarm_mj.figures.scene import scene_from
-from swarm_mj.figures.style import SMALL_PT, TICK_PT, caption, label, new_figure, note_of_omission, shown_spacecraft
+from swarm_mj.figures.style import SMALL_PT, TICK_PT, caption, label, new_figure
 from swarm_mj.figures.timescale import TimeScale, time_scale
-from swarm_mj.figures.units import instant, time_axis
+from swarm_mj.figures.units import instant, note_of_omission, shown_spacecraft, time_axis
 from swarm_mj.figures.view import triangles
 from swarm_mj.flight.observe import ObservationResult, arrival_sample
 from swarm_mj.flight.plan import Plan

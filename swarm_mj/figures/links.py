@@ -27,21 +27,9 @@ from swarm_mj.figures.delivery_view import (
 from swarm_mj.figures.modes import axes_pt, has_room, mode_handles, name_mode, width_pt
 from swarm_mj.figures.palette import BLACK, BLUE, DARK_GREY, GREY, MODE_STYLES, VERMILLION
 from swarm_mj.figures.panels import legend_below
-from swarm_mj.figures.style import (
-    HALO,
-    INSIDE,
-    SMALL_PT,
-    TICK_PT,
-    caption,
-    new_figure,
-    note_of_omission,
-    plain,
-    role,
-    shown_spacecraft,
-    tidy,
-)
+from swarm_mj.figures.style import HALO, INSIDE, SMALL_PT, TICK_PT, caption, new_figure, plain, role, tidy
 from swarm_mj.figures.timescale import TimeScale, arrival_handle, delivery_scale, time_scale
-from swarm_mj.figures.units import data_unit
+from swarm_mj.figures.units import data_unit, note_of_omission, shown_spacecraft
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.links import Obstacle

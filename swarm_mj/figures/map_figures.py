@@ -41,9 +41,9 @@ from swarm_mj.figures.palette import (
 )
 from swarm_mj.figures.panels import legend_below, spacecraft_handles
 from swarm_mj.figures.scene import scene_from
-from swarm_mj.figures.style import HALO, caption, new_figure, note_of_omission, shown_spacecraft
+from swarm_mj.figures.style import HALO, caption, new_figure
 from swarm_mj.figures.timescale import arrival_words, time_scale
-from swarm_mj.figures.units import instant, time_axis
+from swarm_mj.figures.units import instant, note_of_omission, shown_spacecraft, time_axis
 from swarm_mj.figures.view import HIDING_DEPTH, depth_of, face_colours, tracer_of, unit
 from swarm_mj.flight.observe import ObservationResult, arrival_sample, arrival_samples, camera_from, flight_pictures
 from swarm_mj.flight.plan import Plan

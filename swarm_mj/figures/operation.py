@@ -32,20 +32,9 @@ from swarm_mj.figures.scene import (
     near_arrival,
     scene_from,
 )
-from swarm_mj.figures.style import (
-    HALO,
-    SMALL_PT,
-    TICK_PT,
-    annotate,
-    caption,
-    label,
-    new_figure,
-    note_of_omission,
-    role,
-    shown_spacecraft,
-)
+from swarm_mj.figures.style import HALO, SMALL_PT, TICK_PT, annotate, caption, label, new_figure, role
 from swarm_mj.figures.timescale import time_scale
-from swarm_mj.figures.units import instant, time_axis
+from swarm_mj.figures.units import instant, note_of_omission, shown_spacecraft, time_axis
 from swarm_mj.figures.view import (
     HIDDEN_ALPHA,
     KM,

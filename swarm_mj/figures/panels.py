@@ -16,18 +16,9 @@ from matplotlib.ticker import NullLocator
 
 from swarm_mj.figures.modes import BAND, draw_modes, mark_handles, mode_handles
 from swarm_mj.figures.palette import SPACECRAFT, spacecraft_styles
-from swarm_mj.figures.style import (
-    INSIDE,
-    LABEL_PT,
-    SMALL_PT,
-    caption,
-    new_figure,
-    note_of_omission,
-    role,
-    shown_spacecraft,
-    tidy,
-)
+from swarm_mj.figures.style import INSIDE, LABEL_PT, SMALL_PT, caption, new_figure, role, tidy
 from swarm_mj.figures.timescale import time_scale
+from swarm_mj.figures.units import note_of_omission, shown_spacecraft
 from swarm_mj.flight.plan import Plan
 from swarm_mj.typing import Array, Indices
 

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib import patheffects, rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -17,7 +16,7 @@ from PIL import Image
 
 from swarm_mj.figures.palette import GREY, LIGHT_GREY
 from swarm_mj.flight.plan import Plan
-from swarm_mj.typing import Array, Indices
+from swarm_mj.typing import Array
 
 DPI = 150
 #: Of what a PDF cannot hold as lines: shaded bodies and maps.
@@ -36,9 +35,6 @@ HALO = [patheffects.withStroke(linewidth=2.5, foreground="white")]
 INSIDE: dict[str, Any] = {"in_layout": False}
 #: How the instant of the arrival is marked.
 ARRIVAL_DASHES = (0, (4, 2))
-
-#: More panels or rows than these no longer read on one page.
-MAX_PANELS = 20
 
 
 #: All figures of a process share Matplotlib's parser of formulas, which is not made for threads.
@@ -87,16 +83,6 @@ def annotate(ax: Axes, text: str, place: Array, offset_pt: Sequence[float] | Arr
 def caption(ax: Axes, text: str, *, size: float = TICK_PT, pad: float | None = None) -> None:
     """A line of text over the left end of axes above which no ticks or scales stand."""
     ax.set_title(text, fontsize=size, loc="left", pad=pad, y=1.0)  # where it is put: no search for a free height
-
-
-def shown_spacecraft(n: int, limit: int = MAX_PANELS) -> Indices:
-    """Spacecraft that a picture has room for: all, or the first ones and the last, which may be the relay."""
-    return np.arange(n) if n <= limit else np.append(np.arange(limit - 1), n - 1)
-
-
-def note_of_omission(n: int, shown: Indices) -> str:
-    """Words for the title when not all spacecraft are shown."""
-    return "" if len(shown) == n else f" ({len(shown)} of {n} spacecraft shown)"
 
 
 def role(plan: Plan, j: int) -> str:

@@ -1,8 +1,15 @@
-"""Units in which times and amounts of data read best; nothing here draws."""
+"""Units in which times and amounts of data read best, and which of many spacecraft are shown; nothing here draws."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
+
+import numpy as np
+
+from swarm_mj.typing import Indices
+
+#: More panels or rows than these no longer read on one page.
+MAX_PANELS = 20
 
 
 class TimeAxis(NamedTuple):
@@ -35,3 +42,13 @@ def data_unit(most_bit: float) -> DataUnit:
 def instant(t: float, axis: TimeAxis) -> str:
     """A time [s] in words, in the unit of an axis."""
     return f"{t / axis.seconds:.4g} {axis.unit}"
+
+
+def shown_spacecraft(n: int, limit: int = MAX_PANELS) -> Indices:
+    """Spacecraft that a picture has room for: all, or the first ones and the last, which may be the relay."""
+    return np.arange(n) if n <= limit else np.append(np.arange(limit - 1), n - 1)
+
+
+def note_of_omission(n: int, shown: Indices) -> str:
+    """Words for the title when not all spacecraft are shown."""
+    return "" if len(shown) == n else f" ({len(shown)} of {n} spacecraft shown)"

@@ -28,13 +28,13 @@ from swarm_mj.figures.delivery_view import (
     stretches,
 )
 from swarm_mj.figures.palette import GREY, LIGHT_GREY, SKY_BLUE, SPACECRAFT, VERMILLION, spacecraft_colours
-from swarm_mj.figures.units import TimeAxis, data_unit, instant, time_axis
+from swarm_mj.figures.units import TimeAxis, data_unit, instant, note_of_omission, shown_spacecraft, time_axis
 from swarm_mj.mission.links import Obstacle
 from swarm_mj.mission.target import angles, local_axes
 from swarm_mj.observation.coverage import CoverageMap, percent_text
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.reports.markup import Content, Html, table, tag
-from swarm_mj.reports.plots import INK, MAX_ROWS, marker, name_rows
+from swarm_mj.reports.plots import INK, marker, name_rows
 from swarm_mj.reports.sections import section
 from swarm_mj.scenarios.itinerary import last_arrival_s
 from swarm_mj.typing import Array, Mask
@@ -73,7 +73,7 @@ def delivery_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html |
         if run.delivery is None:
             parts.append(tag("p", "The way to Earth of this run was not computed."))
             continue
-        some = "" if run.n <= MAX_ROWS else f", {MAX_ROWS} of {run.n} spacecraft"
+        some = note_of_omission(run.n, shown_spacecraft(run.n))
         boxes = []
         for name in _shown(run.delivery):
             words = PLOTS[name]
@@ -144,7 +144,7 @@ def _shown(delivery: Delivery) -> list[str]:
 
 def contacts_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
     """A row for each spacecraft and each way to Earth: contacts, transfers, and what is in the way."""
-    in_swarm = [row for j in range(min(run.n, MAX_ROWS)) if (row := link_in_swarm(delivery, j)) is not None]
+    in_swarm = [row for j in shown_spacecraft(run.n) if (row := link_in_swarm(delivery, int(j))) is not None]
     rows = [*in_swarm, *links_to_earth(delivery)]
     axis, names = time_axis(_until_s(run, delivery)), [_name(row, run, delivery) for row in rows]
     found = np.unique(np.concatenate([row.state for row in rows])) if rows else np.empty(0, int)

@@ -82,7 +82,8 @@ class RunView {
   }
 
   fillTable(k) {
-    this.cells.forEach((cells, j) => {
+    this.cells.forEach((cells, row) => {
+      const j = this.run.rows[row];
       const place = k * this.n + j;
       const mode = DATA.modes[this.mode[place]];
       const values = [

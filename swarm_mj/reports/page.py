@@ -23,7 +23,7 @@ from plotly.offline import get_plotlyjs
 from swarm_mj import __version__
 from swarm_mj.errors import OutputError
 from swarm_mj.figures.palette import GROUND, MODE_STYLES, ORANGE, SKY_BLUE
-from swarm_mj.figures.units import time_axis
+from swarm_mj.figures.units import note_of_omission, time_axis
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.records import writing
 from swarm_mj.mission.behaviors import looks_at_body
@@ -33,7 +33,7 @@ from swarm_mj.reports import COMPARISON_NAME, REPORT_NAME
 from swarm_mj.reports.compare import comparison_section
 from swarm_mj.reports.delivery import box_id, delivery_figures, delivery_section
 from swarm_mj.reports.markup import Content, Html, join, table, tag
-from swarm_mj.reports.plots import INK, MAX_ROWS, plot_run, plot_two
+from swarm_mj.reports.plots import INK, plot_run, plot_two
 from swarm_mj.reports.replay import Limits, Replay, f32, make_replay, packed
 from swarm_mj.reports.scene import MAX_NAMED, MAX_PATHS, in_the_dark, path_points, scene_figure
 from swarm_mj.reports.sections import (
@@ -231,10 +231,10 @@ def _key(replay: Replay) -> Html:
 def _now_table(number: int, run: RunRecord, replay: Replay, label: str) -> Html:
     """The state at the instant shown; the script fills it."""
     head = ("spacecraft", "+z", "pointing error [deg]", "fastest wheel [rpm]", "link", "observed [%]")
-    shown = replay.shown[:MAX_ROWS]
-    omitted = "" if len(shown) == run.n else f", {len(shown)} of {run.n} spacecraft"
+    shown = replay.shown[replay.rows]
+    caption = f"{label} at the time shown{note_of_omission(run.n, shown)}"
     rows = [(run.names[j], *[""] * 5) for j in shown]
-    return table(head, rows, caption=f"{label} at the time shown{omitted}", class_="numeric now", id_=f"now-{number}")
+    return table(head, rows, caption=caption, class_="numeric now", id_=f"now-{number}")
 
 
 def _time_bar(runs: Sequence[RunRecord]) -> Html:
@@ -296,7 +296,8 @@ def _run_data(run: RunRecord, replay: Replay) -> dict[str, Any]:
     return {
         "names": [run.names[j] for j in replay.shown],
         "body": run.scenario.body.name,
-        "observers": run.n_observers,
+        "observers": int((replay.shown < run.n_observers).sum()),
+        "rows": replay.rows.tolist(),
         "times": packed(replay.times),
         "pointing": f32(replay.pointing_deg),
         "wheel": f32(replay.wheel_rpm),

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from swarm_mj.figures.palette import BLUE, GREY, MODE_STYLES, SPACECRAFT, VERMILLION, spacecraft_colours
-from swarm_mj.figures.units import TimeAxis, time_axis
+from swarm_mj.figures.units import TimeAxis, note_of_omission, time_axis
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.reports.replay import Replay
 from swarm_mj.scenarios.itinerary import last_arrival_s
@@ -21,8 +21,6 @@ from swarm_mj.typing import Array, Mask
 FLOOR = -8
 #: More spacecraft than these are not drawn one by one.
 MAX_CURVES = len(SPACECRAFT)
-#: More rows than these do not fit.
-MAX_ROWS = 20
 #: The page replaces this colour by one that stands out from its background.
 INK = "#010203"
 COLOURS_OF_RUNS = (BLUE, VERMILLION)
@@ -48,7 +46,7 @@ LINK_BELOW_PX = 9
 
 def plot_run(run: RunRecord, replay: Replay) -> go.Figure:
     """All plots of one run."""
-    figure, axis = _frame(run, _names(run, replay), min(len(replay.shown), MAX_ROWS)), time_axis(float(run.times[-1]))
+    figure, axis = _frame(run, _names(run, replay), len(replay.rows)), time_axis(float(run.times[-1]))
     times = replay.times / axis.seconds
     if len(replay.shown) <= MAX_CURVES:
         colours = spacecraft_colours(len(replay.shown))
@@ -113,9 +111,8 @@ def _frame(run: RunRecord, names: Sequence[str], timeline_rows: int) -> go.Figur
 
 
 def _names(run: RunRecord, replay: Replay) -> tuple[str, ...]:
-    rows = min(len(replay.shown), MAX_ROWS)
     peaks = "" if len(replay.samples) == len(run.times) else ", largest between points"
-    last = NAMES[3] if rows == run.n else f"{NAMES[3]}, {rows} of {run.n} spacecraft"
+    last = f"{NAMES[3]}{note_of_omission(run.n, replay.rows)}"
     return f"{NAMES[0]}{peaks}", f"{NAMES[1]}{peaks}", NAMES[2], last
 
 
@@ -179,18 +176,18 @@ def _wheel_limit(figure: go.Figure, run: RunRecord) -> None:
 
 def _timeline(figure: go.Figure, run: RunRecord, replay: Replay, axis: TimeAxis) -> None:
     """One row per spacecraft: what it tracks, and below when its link is closed."""
-    rows = min(len(replay.shown), MAX_ROWS)
+    rows, modes = len(replay.rows), replay.mode[:, replay.rows]
     times = replay.times / axis.seconds
-    for mode in np.unique(replay.mode[:, :rows]):
+    for mode in np.unique(modes):
         style = MODE_STYLES[mode]
-        flags = replay.mode[:, :rows] == mode
+        flags = modes == mode
         _bars(figure, times, flags, 0.0, style.words, style.line_colour, 9)
     below = LINK_BELOW_PX * rows / max(LOWEST_PX, ROW_PX * rows)
-    _bars(figure, times, replay.link[:, :rows] == 1, below, "link closed", INK, 4)
+    _bars(figure, times, replay.link[:, replay.rows] == 1, below, "link closed", INK, 4)
     # Bars have no point at most times.
     feeler: dict[str, Any] = {"mode": "lines", "opacity": 0.0, "showlegend": False, "hoverinfo": "none"}
     figure.add_trace(go.Scatter(x=times, y=np.full(len(times), (rows - 1) / 2), **feeler), row=4, col=1)
-    name_rows(figure, [run.names[j] for j in replay.shown[:rows]], row=4, col=1)
+    name_rows(figure, [run.names[j] for j in replay.shown[replay.rows]], row=4, col=1)
 
 
 def name_rows(figure: go.Figure, names: Sequence[str], **place: int) -> None:

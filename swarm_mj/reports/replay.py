@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.figures.units import shown_spacecraft
 from swarm_mj.flight.fly import asteroid_attitudes
 from swarm_mj.flight.observe import watching_in
 from swarm_mj.mission.behaviors import TargetKind, looks_at_body
@@ -80,10 +81,15 @@ class Replay:
     percent_by_passage: Array
     scene: dict[str, Any]
 
+    @property
+    def rows(self) -> Indices:
+        """Places in `shown` of the spacecraft that tables and plots have a row for, those of the figures, shape (r,)."""
+        return shown_spacecraft(len(self.shown))
+
 
 def make_replay(run: RunRecord, limits: Limits) -> Replay:
     """Pick what a page shows of a run."""
-    shown = np.arange(min(run.n, limits.spacecraft))
+    shown = shown_spacecraft(run.n, limits.spacecraft)
     samples = choose_samples(run, min(limits.samples, max(60, limits.values // len(shown))))
     telemetry, times = run.telemetry, run.times[samples]
     mode = run.mode[np.ix_(samples, shown)]
@@ -177,7 +183,7 @@ def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.in
         "C_AN": f32(C_AN),
         "near": [int(near[0]), int(near[-1])],
     }
-    observers = shown[: min(run.n_observers, len(shown))]
+    observers = shown[shown < run.n_observers]
     rays = border_rays(run.scenario.camera.half_angle_deg, run.scenario.camera.shape)
     if len(samples) * len(observers) * len(rays) <= limits.rays:
         scene["C"] = f32(C_BA[:, observers])

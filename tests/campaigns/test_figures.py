@@ -46,5 +46,7 @@ def test_the_intervals_of_the_95th_percentile_lie_apart_and_the_legend_explains_
     assert len(boxes) == count
     assert all(below.y1 < above.y0 for below, above in itertools.pairwise(boxes))
     assert ax.bbox.y0 < boxes[0].y0 and boxes[-1].y1 <= ax.bbox.y1
-    words = ax.get_legend().get_title().get_text()
+    (legend,) = figure.legends
+    assert legend.get_window_extent().y1 < ax.bbox.y0
+    words = legend.get_title().get_text()
     assert "dot: 95th percentile" in words and "bar: its 95 % interval" in words

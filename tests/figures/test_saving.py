@@ -5,8 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from swarm_mj.figures.run_figures import draw
-from swarm_mj.figures.style import new_figure, save, shown_spacecraft, write
-from swarm_mj.figures.units import instant, time_axis
+from swarm_mj.figures.style import new_figure, save, write
+from swarm_mj.figures.units import instant, shown_spacecraft, time_axis
 
 
 def test_same_flight_gives_the_same_bytes_even_in_threads(flown, written, tmp_path):

@@ -325,7 +325,11 @@ def test_a_thousand_spacecraft_over_a_fine_mesh_stay_below_15_megabytes(folder):
     design = run.scenario.design.model_copy(update={"visiting_points": tuple(range(1, n + 1))})
     scenario = run.scenario.model_copy(update={"design": design})
     large = replace(run, telemetry=telemetry, coverage=coverage, summary=summary, scenario=scenario, delivery=None)
-    assert len(report_html([large, large])) < 15 * MEGABYTES  # one of the two alone is shorter
+    text = report_html([large, large])
+    assert len(text) < 15 * MEGABYTES  # one of the two alone is shorter
+    rows = text.split('id="now-0"')[1].split("</table>")[0]
+    assert "(20 of 1000 spacecraft shown)" in rows and "sc19<" in rows and "sc20<" not in rows and "sc1000<" in rows
+    assert f'"rows":[{",".join(map(str, range(19)))},399]' in text
 
 
 def test_the_target_of_a_small_body_is_not_rounded_away(folder):
