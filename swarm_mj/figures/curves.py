@@ -19,7 +19,7 @@ from swarm_mj.figures.units import instant, note_of_omission, shown_spacecraft
 from swarm_mj.flight.formation import ERROR, RECORD
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.observation.coverage import CoverageMap, percent_text
+from swarm_mj.observation.coverage import CoverageMap, percent_digits, percent_text
 from swarm_mj.typing import Array, Indices
 
 #: Of the line of one spacecraft [pt].
@@ -73,7 +73,7 @@ def _draw_history(ax: Axes, scale: TimeScale, telemetry: xr.Dataset, coverage: C
 
 def _draw_bars(ax: Axes, plan: Plan, coverage: CoverageMap, shown: Indices) -> None:
     percent = coverage.percent_by_spacecraft[shown]
-    names, words = [plan.names[j] for j in shown], [f"{value:.1f}" for value in percent]
+    names, words = [plan.names[j] for j in shown], list(map(percent_digits, percent))
     draw_bars(ax, percent, names, words, spacecraft_colours(len(shown)), gap=2.0)
     ax.set_xlim(0.0, 130.0)
     ax.set_xticks((0, 50, 100))

@@ -9,7 +9,6 @@ sampling distance and light, holds for that picture, and the data of that pictur
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Literal, NamedTuple
@@ -67,8 +66,18 @@ def percent_text(percent: float) -> str:
 
 
 def percent_digits(percent: float) -> str:
-    """A share of the target [%], rounded down to hundredths."""
-    return f"{math.floor(100.0 * percent + ROUND_OFF) / 100.0:.2f}"
+    """A share of the target [%] as `rounded_down`."""
+    return f"{rounded_down(percent):.2f}"
+
+
+def missing_digits(percent: float) -> str:
+    """A share of the target [%] that is missing, rounded up to hundredths: with the rest as it is written it is all."""
+    return f"{100.0 - rounded_down(100.0 - percent):.2f}"
+
+
+def rounded_down(percent: ArrayLike) -> Array:
+    """Shares of the target [%] to hundredths, as they are written."""
+    return np.asarray(np.floor(100.0 * np.asarray(percent) + ROUND_OFF) / 100.0)
 
 
 @dataclass(eq=False)

@@ -167,7 +167,7 @@ BUSY = 36.0
 #: Places on a line at which its label may stand.
 ALONG_A_LINE = 101
 #: The words that change most from picture to picture, at their widest: with room for them a panel does not jump about.
-WIDEST, WIDEST_DEED, WIDEST_DATA = "100.0 % observed", "linked to Earth", "888.8 Mbit on the way to Earth"
+WIDEST, WIDEST_DEED, WIDEST_DATA = "100.00 % observed", "linked to Earth", "888.8 Mbit on the way to Earth"
 #: Opacity of the ground behind words, of 255.
 GROUND_ALPHA = 150
 #: Opacity of the lines from labels to what they name, of 255.

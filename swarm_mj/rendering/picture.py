@@ -12,6 +12,7 @@ import numpy as np
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.observation.coverage import percent_text
 from swarm_mj.rendering.cameras import (
     CHASE,
     OVERVIEW,
@@ -295,7 +296,7 @@ class Drawing:
 
     def _lines(self, instant: Instant) -> list[Line]:
         title = f"{clock(instant.t)}   {self._note}"
-        lines: list[Line] = [(title, TEXT), (f"{100.0 * self._share(instant):.1f} % observed", TEXT)]
+        lines: list[Line] = [(title, TEXT), (f"{percent_text(100.0 * self._share(instant))} observed", TEXT)]
         lines += [(instant.note, TEXT)] if instant.note else []
         if self._layout.main is not None:
             lines += roles(instant, self._plan.names)

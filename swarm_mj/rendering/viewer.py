@@ -16,6 +16,7 @@ from rich.console import Console
 
 from swarm_mj.errors import ObserverError, OutputError
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.observation.coverage import percent_text
 from swarm_mj.rendering.cameras import magnification_for, overview, reach_of
 from swarm_mj.rendering.decorations import decorate
 from swarm_mj.rendering.live import SPEEDS, LiveFlight, Player, pace, planned_path
@@ -152,7 +153,7 @@ def status(model: DrawingModel, player: Player) -> tuple[str, str]:
     now, plan = player.now, player.flight.plan
     share = 100.0 * float(plan.region.area[now.seen].sum() / plan.region.total_area)
     pace = "over" if player.flight.over else "paused" if player.paused else f"{player.speed:g} x"
-    rows = [("time", clock(now.t)), ("speed", pace), ("observed", f"{share:.1f} %")]
+    rows = [("time", clock(now.t)), ("speed", pace), ("observed", percent_text(share))]
     for text, _ in roles(now, plan.names):
         who, _, what = text.partition(" ")
         rows.append((who, what))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from swarm_mj.observation.coverage import rounded_down
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.records.summary import working
 from swarm_mj.reports.markup import Html, table, tag
@@ -25,6 +26,10 @@ class Outcome(NamedTuple):
         return short(value) if self.form == "e" else format(value, self.form)
 
 
+def _share(key: str) -> Callable[[dict[str, Any]], float | None]:
+    return lambda summary: None if summary.get(key) is None else float(rounded_down(summary[key]))
+
+
 def _largest(key: str) -> Callable[[dict[str, Any]], float | None]:
     return lambda summary: max(summary[key].values(), default=None)
 
@@ -37,9 +42,9 @@ def _largest_at_end(summary: dict[str, Any]) -> float | None:
 OUTCOMES = (
     Outcome("spacecraft", lambda s: s["spacecraft"], "g"),
     Outcome("of them observers", lambda s: s["observers"], "g"),
-    Outcome(Html(f"{P_TO} [%]"), lambda s: s["coverage_percent"], ".2f"),
-    Outcome("the same, whole passage [%]", lambda s: s["coverage_percent_passage"], ".2f"),
-    Outcome("delivered to Earth [%]", lambda s: s.get("delivered_percent"), ".2f"),
+    Outcome(Html(f"{P_TO} [%]"), _share("coverage_percent"), ".2f"),
+    Outcome("the same, whole passage [%]", _share("coverage_percent_passage"), ".2f"),
+    Outcome("delivered to Earth [%]", _share("delivered_percent"), ".2f"),
     Outcome("all that was seen on Earth at t [s]", lambda s: s.get("time_to_all_data_s"), ".0f"),
     Outcome("pointing error before a switch, largest [deg]", _largest("pointing_error_deg_before_switch"), "e"),
     Outcome("pointing error at the end, largest [deg]", _largest_at_end, "e"),

@@ -91,7 +91,7 @@ class RunView {
         `${short(this.pointing[place])}`,
         this.wheel[place].toFixed(0),
         this.link[place] ? "closed" : "open",
-        j < this.run.observers ? this.ownShare[this.criterion][place].toFixed(1) : "–",
+        j < this.run.observers ? this.ownShare[this.criterion][place].toFixed(2) : "–",
       ];
       values.forEach((text, column) => {
         if (cells[column + 1].textContent !== text) cells[column + 1].textContent = text;
@@ -110,7 +110,7 @@ function tell(tick) {
     view.fillTable(k);
     return view.shareAt(k);
   });
-  const share = shares.map((value) => `${value.toFixed(1)} %`).join(" | ");
+  const share = shares.map((value) => `${value.toFixed(2)} %`).join(" | ");
   find("clock").textContent = clockText(t);
   find("share").textContent = share;
   const slider = find("slider");

@@ -27,6 +27,7 @@ from swarm_mj.figures.units import note_of_omission, time_axis
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.records import writing
 from swarm_mj.mission.behaviors import looks_at_body
+from swarm_mj.observation.coverage import rounded_down
 from swarm_mj.records.modes import LOST
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.reports import COMPARISON_NAME, REPORT_NAME
@@ -303,7 +304,7 @@ def _run_data(run: RunRecord, replay: Replay) -> dict[str, Any]:
         "wheel": f32(replay.wheel_rpm),
         "mode": packed(replay.mode),
         "link": packed(replay.link),
-        **{name: f32(getattr(replay, name)) for name in shares},
+        **{name: f32(rounded_down(getattr(replay, name))) for name in shares},
         "path_points": path_points(len(replay.times)).tolist(),
         "max_paths": MAX_PATHS,
         "max_named": MAX_NAMED,

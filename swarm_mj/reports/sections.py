@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from swarm_mj.figures.palette import MODE_STYLES
 from swarm_mj.figures.units import instant, time_axis
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.observation.coverage import percent_text
+from swarm_mj.observation.coverage import percent_digits, percent_text, rounded_down
 from swarm_mj.records.findings import findings, proof_differences
 from swarm_mj.records.modes import runs
 from swarm_mj.records.observed import causes_text
@@ -69,7 +69,7 @@ def _delivered(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     percent, full = summary.get("delivered_percent"), summary.get("time_to_all_data_s")
     if percent is None:
         return []
-    missing = f"{summary['coverage_percent'] - percent:.2f} % stays out there"
+    missing = f"{rounded_down(summary['coverage_percent']) - rounded_down(percent):.2f} % stays out there"
     cards = [("delivered to Earth", percent_text(percent), missing if full is None else "all that was seen")]
     if full is not None:
         name = "all that was seen on Earth" if summary.get("time_to_full_map_s") is None else "map complete on Earth"
@@ -130,7 +130,7 @@ def _spacecraft_table(run: RunRecord, label: str) -> Html:
                 run.role(j) + ("" if lost_at is None else f"; lost at {lost_at:g} s"),
                 f"{summary['deployment_delta_v_m_s'][name]:.2f}",
                 f"{summary['least_distance_to_centre_km'][name]:.4g}",
-                f"{summary['coverage_percent_by_spacecraft'][name]:.1f}" if j < run.n_observers else "–",
+                percent_digits(summary["coverage_percent_by_spacecraft"][name]) if j < run.n_observers else "–",
                 "–" if before is None else short(before),
                 short(summary["pointing_error_deg_final"][name]) if lost_at is None else "lost",
                 f"{summary['wheel_saturation_s'][name]:g}",
@@ -226,7 +226,7 @@ def _method(name: str, found: dict[str, Any], n: int, points: Sequence[int], exp
     return (
         name,
         str(n),
-        f"{found['covered_percent']:.2f}",
+        percent_digits(found["covered_percent"]),
         " ".join(map(str, points)),
         explored,
         f"{found['seconds']:.2f}",
