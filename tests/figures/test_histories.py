@@ -9,6 +9,7 @@ from swarm_mj.figures.histories import angular_momenta_B
 from swarm_mj.figures.run_figures import COMPOSERS
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.observation.coverage import percent_digits
 from swarm_mj.records.modes import intervals, runs
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.spacecraft.attitude.mrp import dcm
@@ -81,8 +82,10 @@ def test_wheel_limits_are_drawn(composed, flown):
         assert max(level) == pytest.approx(limit)
 
 
-def test_share_of_each_spacecraft_ends_at_its_total(flown):
+def test_share_of_each_spacecraft_ends_at_its_total_as_it_is_written(flown, composed):
     _, telemetry, result = flown
+    beside = [text.get_text() for text in composed["coverage"].axes[1].texts]
+    assert beside == [percent_digits(total) for total in result.coverage.percent_by_spacecraft]
     for j, total in enumerate(result.coverage.percent_by_spacecraft):
         assert percent_over_time(result.coverage, j, telemetry["time"].values)[-1] == pytest.approx(total, abs=1e-9)
 

@@ -15,6 +15,7 @@ from plotly.offline import get_plotlyjs
 from swarm_mj.api.results import report
 from swarm_mj.cli.main import main
 from swarm_mj.errors import OutputError
+from swarm_mj.observation.coverage import percent_digits
 from swarm_mj.records.run_record import read_run
 from swarm_mj.reports.page import SCRIPTS, report_html, safe_json
 from swarm_mj.reports.sections import flat_parameters, short, summary_section
@@ -155,6 +156,8 @@ def test_every_spacecraft_stands_in_the_table_with_its_delta_v(page, folder):
     for name, delta_v in summary["deployment_delta_v_m_s"].items():
         assert name in page.text
         assert f"{delta_v:.2f}" in page.text
+    for share in summary["coverage_percent_by_spacecraft"].values():
+        assert percent_digits(share) in page.text
 
 
 def test_a_lost_spacecraft_is_lost_everywhere_in_the_report(crippled):
