@@ -106,7 +106,9 @@ def compose_cover(study: Study) -> Figure:
     handles: list[Patch | Line2D] = [Patch(color=TIMES_SEEN[n], label=words[n]) for n in there]
     spot: dict[str, Any] = {"marker": "o", "linestyle": "", "color": VERMILLION, "markeredgecolor": "white"}
     handles.append(Line2D([], [], label="visited point", **spot))
-    figure.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=TICK_PT, frameon=False)
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=min(len(handles), 4), fontsize=TICK_PT, frameon=False
+    )
     return figure
 
 
