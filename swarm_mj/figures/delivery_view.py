@@ -19,7 +19,7 @@ MOST_TO_EARTH = 6
 #: How much longer than until the last arrival pictures show, as a share of the time from the first picture to it.
 MARGIN = 0.06
 #: What is written as nothing is left out of the legend of a map [%].
-LEAST_PERCENT = 0.005
+LEAST_PERCENT = 1e-8
 
 
 class AreaStyle(NamedTuple):

@@ -110,11 +110,8 @@ def outcome(run: RunRecord, delivery: Delivery) -> str:
         "lost": int(lost),
     }
     parts = ", ".join(f"{bits / unit.bits:.4g} {unit.unit} {what}" for what, bits in amounts.items())
-    words += (
-        "Nothing was on its way. "
-        if not delivery.seen_bit
-        else f"Data: {parts}; a picture may stay aboard where another one shows the same."
-    )
+    told = f"Data: {parts}; a picture may stay aboard where another one shows the same."
+    words += told if delivery.seen_bit else "Nothing was on its way."
     return words.replace(" %", "\N{NO-BREAK SPACE}%")
 
 
@@ -124,10 +121,7 @@ def _time(t: float) -> str:
 
 def _undelivered_table(run: RunRecord) -> Html | None:
     parts = run.summary.get("not_delivered", ())
-    rows = [
-        (part["reason"], missing_digits(part["percent"]), ", ".join(part["spacecraft"]), part["remedy"])
-        for part in parts
-    ]
+    rows = [(p["reason"], missing_digits(p["percent"]), ", ".join(p["spacecraft"]), p["remedy"]) for p in parts]
     head = ("reason", "of the target [%]", "seen by", "remedy")
     return table(head, rows, caption="Seen and not delivered") if rows else None
 
@@ -275,12 +269,8 @@ def map_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
         _cells(figure, corners[cells], words, REASON_STYLES[reason])
     unseen = delivery.tile_of_cell < 0
     if _percent(area, unseen) >= LEAST_PERCENT:
-        _cells(
-            figure,
-            corners[unseen],
-            f"not seen: {missing_digits(_percent(area, unseen))} %",
-            AreaStyle("", LIGHT_GREY, ""),
-        )
+        words = f"not seen: {missing_digits(_percent(area, unseen))} %"
+        _cells(figure, corners[unseen], words, AreaStyle("", LIGHT_GREY, ""))
     east = {"text": "east longitude [deg]" if several else "angle east of the target's centre [deg]", "standoff": 4}
     bare, north = {"showgrid": False, "zeroline": False}, "latitude [deg]" if several else "north [deg]"
     figure.update_xaxes(title=east, **bare)
