@@ -286,7 +286,7 @@ def time_needed(wall_s: float, went_on: bool) -> str:
     minutes, cores = max(wall_s / 60.0, 0.1), usable_cores()
     return (
         f"It needed {minutes:.{0 if minutes >= 2.0 else 1}f} min on {cores} core{'s' if cores > 1 else ''} "
-        "(wall time of that very call)."
+        "(wall time of that very call, other work included)."
     )
 
 
@@ -324,6 +324,7 @@ def main() -> None:
         each_runs=each_campaign.campaign.runs,
         sensitivity_runs=sensitivity.campaign.runs,
         widest=statistics.WIDEST_INDEX,
+        tolerance=load_scenario("eros-config1").designer.tolerance_percent,
         time=time_needed(time.monotonic() - start, went_on),
     ))  # fmt: skip
     print(f"wrote {PAGE}")
@@ -353,7 +354,7 @@ are dispersed; the file gives the numbers. Steps are 0.5 s long, the observer is
 {overall}
 
 *Exact* is the answer without dispersions: one undisturbed flight, all subsets of lost observers left out in turn, weighted
-by the binomial law. The whole target counts as seen within the tolerance of the design, 0.1 % of its area. The
+by the binomial law. The whole target counts as seen within the tolerance of the design, {tolerance:g} % of its area. The
 communications spacecraft of Configuration 1 takes no pictures, so its loss costs links, not area. *Delivered* is what the
 swarm brings to Earth by itself within two days, with the default radios ([from pixel to Earth](pixel_to_earth.md)). A lost
 spacecraft takes along what it has gathered; where the relay is lost, another one speaks to Earth after the flight.
