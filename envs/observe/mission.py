@@ -61,6 +61,8 @@ LIT_SHARE = 0.5
 LEAST_POSSIBLE = 0.2
 #: Of the integration of the planned paths.
 PATH_TOLERANCE = 1e-9
+#: Times of pictures whose light is kept; episodes of one scenario have some hundred.
+MAX_TIMES = 10_000
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -227,9 +229,21 @@ class Mission:
         return self.scene, samples, highest.max(axis=1).astype(np.float64)
 
     def lit_at(self, t: float) -> Mask:
-        """Cells with the light that the scenario's criterion asks for at a time past the epoch [s], shape (C,)."""
-        environment = self.plan.environment
-        return np.asarray(lit_cells(self.observer, self.criterion, environment.C_AN(t) @ environment.sun.at(t)))
+        """Cells with the light that the scenario's criterion asks for at a time past the epoch [s], shape (C,).
+
+        It is not to be written to. Every episode of the scenario takes its pictures at the same times, so that the rays of each are traced once.
+        """
+        known = self._lit_at
+        if t not in known:
+            if len(known) >= MAX_TIMES:
+                known.clear()
+            environment = self.plan.environment
+            known[t] = lit_cells(self.observer, self.criterion, environment.C_AN(t) @ environment.sun.at(t))
+        return known[t]
+
+    @cached_property
+    def _lit_at(self) -> dict[float, Mask]:
+        return {}
 
     def possible_area(self, target: Mask, present: int, start: InitialState | None = None) -> float:
         """Area that the swarm can see as it was released, if nothing fails, at least `LEAST_POSSIBLE` of the target [m^2].

@@ -201,14 +201,10 @@ class EpisodeState:
         if not any(mission.sun_changes for mission in self.missions):
             return np.zeros((0, 0), np.bool_)
         light = np.ones(self.totals.seen.shape, np.bool_)
-        known: dict[tuple[int, float], Mask] = {}
         for e in np.flatnonzero(due):
-            mission, t = self.missions[self.mission[e]], float(self.now.t[e])
+            mission = self.missions[self.mission[e]]
             if mission.sun_changes:
-                key = int(self.mission[e]), t
-                if key not in known:
-                    known[key] = mission.lit_at(t)
-                light[e, : len(known[key])] = known[key]
+                light[e, : mission.plan.region.n_cells] = mission.lit_at(float(self.now.t[e]))
         return light
 
     def _judge(self, e: int, who: Mask) -> None:
