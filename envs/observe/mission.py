@@ -231,7 +231,8 @@ class Mission:
     def lit_at(self, t: float) -> Mask:
         """Cells with the light that the scenario's criterion asks for at a time past the epoch [s], shape (C,).
 
-        It is not to be written to. Every episode of the scenario takes its pictures at the same times, so that the rays of each are traced once.
+        It is not to be written to. Every episode of the scenario takes its pictures at the same times, so that the rays of each
+        are traced once.
         """
         known = self._lit_at
         if t not in known:
