@@ -131,6 +131,8 @@ def by_mesh(rows: Sequence[Row]) -> list[str]:
             if line.group == "observers" and line.name.startswith(f"{name}, ")
             for other in [line.name.removeprefix(f"{name}, ")]
         }
+        if len(ratios) < 2:
+            continue
         told = ", ".join(f"{_number(value)} at {other}" for other, value in ratios.items())
         lines.append(f"- {name}: {told}; the target is for {mesh}.")
     lead = "Rendering takes longer the more faces there are, rays hardly, so that the ratio falls:"

@@ -11,7 +11,7 @@ solid angle of the face, E_e and F_f dyads of normals. On an edge L_e is infinit
 attraction tend to zero; the gradient really is infinite there.
 
 The sums cancel: their relative rounding grows with the cube of the distance, to pure noise at some 1e5 radii, and they take as
-long everywhere. From two radii on the field is therefore that of the same polyhedron in spherical harmonics, which
+long everywhere. From two and a half radii on the field is therefore that of the same polyhedron in spherical harmonics, which
 converge there: truer, and with thousands of faces a hundred times faster.
 """
 
@@ -42,11 +42,11 @@ from swarm_mj.typing import Array, Ints, Ints32
 #: Bound on the argument of the wire's logarithm: keeps 0 times infinity at 0 for points on an edge.
 MIN_WIRE_GAP = 1e-300
 #: Distances over the body's largest radius between which the sums pass over into harmonics: at the first one the series leaves
-#: out less than 51 times 2^-51 = 2e-14, beyond the second one the rounding of the sums is as large as that of the series.
-FAR_RADII = (2.0, 2.5)
+#: out less than 37 times 2.5^-37 = 7e-14, beyond the second one the rounding of the sums is as large as that of the series.
+FAR_RADII = (2.5, 3.0)
 #: Degree of the harmonics, and the sphere on which they are fitted, over the largest radius. What rounding adds there to a
 #: coefficient of degree n has fallen by 0.8^n at the first distance: with thousands of faces both fields agree to some 2e-13.
-FAR_DEGREE, FIT_RADII = 50, 1.6
+FAR_DEGREE, FIT_RADII = 36, 2.0
 #: Terms of the sums that are worth a thread of their own, some milliseconds.
 LEAST_TERMS = 100_000
 #: Side of a cell over the largest radius, at most: flights that differ by rounding are nearly always in one, see `in_cells`.

@@ -55,7 +55,7 @@ def attraction_of_points(r_A, half=HALF, gm=None, order=12):
     return gm * np.einsum("p,npi->ni", mass, d / np.linalg.norm(d, axis=2, keepdims=True) ** 3)
 
 
-@pytest.mark.parametrize("distance", [2.6e3, 2.8e3, 3.1e3, 4e3, 1e4, 1e5, 1e7, 1e10])
+@pytest.mark.parametrize("distance", [2.8e3, 3.3e3, 3.6e3, 4e3, 1e4, 1e5, 1e7, 1e10])
 def test_attraction_is_exact_from_near_to_as_far_as_anybody_flies(cuboid, distance):
     rng = np.random.default_rng(1)
     directions = rng.standard_normal((30, 3))
@@ -80,7 +80,7 @@ def test_far_attraction_is_that_of_a_point_at_the_centroid_of_thousands_of_faces
 def test_the_passage_to_the_far_field_is_smooth_in_potential_attraction_and_gradient(cuboid):
     """Differences of the potential give the attraction, and those of the attraction its gradient, all the way through."""
     radius, direction = cuboid.shape.max_radius, np.array([0.48, -0.6, 0.64])
-    for x in np.linspace(1.8, 2.7, 25):
+    for x in np.linspace(2.3, 3.2, 25):
         r_A, h = x * radius * direction, 1e-3 * x * radius
         steps = h * np.vstack((np.eye(3), -np.eye(3)))
         potential, attraction = cuboid.potential(r_A + steps), cuboid.acceleration(r_A + steps)
@@ -237,7 +237,7 @@ def pulled(body, r_A, kept):
     return a_A[0]
 
 
-@pytest.mark.parametrize("radii", [1.2, 2.1, 2.4, 3.0])
+@pytest.mark.parametrize("radii", [1.2, 2.6, 2.9, 3.5])
 def test_attraction_in_cells_depends_on_the_place_alone_whoever_was_there_before(cuboid, radii):
     body, rng = cuboid.in_cells, np.random.default_rng(4)
     directions = rng.standard_normal((10, 3))
