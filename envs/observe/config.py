@@ -99,6 +99,10 @@ class EnvConfig:
             raise ScenarioError(
                 f"target = {self.target!r}: needs scenario=; flybys of the catalogue have targets of their own"
             )
+        if self.observer != "horizon":
+            raise ScenarioError(
+                f"observer = {self.observer!r}: needs scenario=; the light of the catalogue's flybys is told by horizon maps"
+            )
         if checked_count("max_spacecraft", self.spacecraft) > MOST_SPACECRAFT:
             raise ScenarioError(f"max_spacecraft = {self.spacecraft}: must be at most {MOST_SPACECRAFT}")
         _check_square(self.patches)

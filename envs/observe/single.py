@@ -230,7 +230,8 @@ cell |
     | observation | "entities" | or "flat"; `CameraObservation` adds what the cameras see |
     | knowledge | "full" | here one agent decides for all and only "full" is allowed; agents of the multi-agent environment \
 know what has reached them ("graph"), or, as a privilege, "full" |
-    | observer | "horizon" | the judge of pictures: `horizon` (maps, constant time), `raycast`, `faceid`, `raster` or `auto` |
+    | observer | "horizon" | the judge of pictures: `horizon` (maps, constant time); with `scenario=` also `raycast`, \
+`faceid`, `raster` or `auto` |
     | randomise | None | distributions by name |
     | dispersions | None | masses, wheels and gravity that differ from flight to flight, keys of a scenario's \
 `dispersions` such as `mass_percent`, `wheel_coulomb_n_m`; a scenario has its own |

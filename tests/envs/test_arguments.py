@@ -46,6 +46,7 @@ def refused(words, make, arguments):
         ({"knowledge": "graph"}, ["knowledge = 'graph'", "SwarmObserveParallelEnv"]),
         ({"patches": 15}, ["patches = 15", "square"]),
         ({"observer": "eyes"}, ["eyes", "raycast"]),
+        ({"observer": "raycast"}, ["needs scenario=", "horizon maps"]),
         ({"complete": 0.0}, ["complete = 0.0"]),
         ({"reward_weights": {"fun": 1.0}}, ["fun", "seen, delivered"]),
         ({"reward_weights": {"seen": float("inf")}}, ["reward_weights['seen']", "finite"]),
