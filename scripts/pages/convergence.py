@@ -205,7 +205,7 @@ picture by less than two centimetres, and cells measure hundreds of metres. `cam
 settled; because the buffer holds only the window of the target, and slivers are sampled by rays, 64 pixels would nearly do.
 Sixteen rays a cell, an even number, count every cell of which they see just half: hence their surplus. The packaged mesh has
 8,000 faces. **Five observers is not independent of the mesh**: on uncut faces the finer meshes above ask for five too and the
-coarser ones for six, but cut into cells of 300 m or less the packaged mesh itself asks for six:
+coarser ones for six, but cut into cells the packaged mesh itself asks for more, to see all of the target:
 
 {cells}
 

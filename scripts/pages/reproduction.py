@@ -270,11 +270,12 @@ at the arrival tighter limits raise the minimum to two or three before faces are
 at the arrival, and 99.9 % is asked for.
 
 In the tables five comes with a camera several times narrower: at the arrival 4 to 4.25 deg where half a face suffices (a
-footprint 2.0 to 2.1 km wide; as *square* four at 4.25 deg) and 4.75 to 5 deg where the whole face is asked for (2.3 to
-2.45 km); over the passage 1.65 deg (0.8 km). None of these is stated by the paper. `eros-config1` and `eros-config2` take the arrival, after which the paper names its points, half a face, and
-4.1 deg: a choice made here because it gives five, not the paper's camera. Five is a property of that choice and of this mesh:
-cut into cells of 300 m, of 150 m or of a sixth of the footprint (`auto`) instead of faces, the target needs six, and so do
-coarser meshes ([convergence](convergence.md)). `eros-literal` keeps the literal reading.
+footprint 2.0 to 2.1 km wide; as *square* four at 4.25 deg) and 4.75 to 5 deg where the whole face is asked for (2.3 to 2.45
+km); over the passage 1.65 deg (0.8 km). None of these is stated by the paper. `eros-config1` and `eros-config2` take the
+arrival, after which the paper names its points, half a face, and 4.1 deg: a choice made here because it gives five, not the
+paper's camera. Five is a property of that choice and of this mesh: cut into cells of 300 m, of 150 m or of a sixth of the
+footprint (`auto`) instead of faces, the target needs six where 0.1 % may be left out, as in these tables; where nothing may,
+cells of 150 m need seven ([convergence](convergence.md)). Coarser meshes need six. `eros-literal` keeps the literal reading.
 
 Why the paper's 21.5 deg camera needed five cannot be told from its text. A genetic algorithm that stops above the minimum does
 not explain it for the literal reading, see below.
