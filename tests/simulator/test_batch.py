@@ -192,7 +192,7 @@ def test_gravity_in_python_pulls_as_the_compiled_field_does(gravity, stepper):
     np.testing.assert_allclose(one, other, rtol=1e-12)
 
 
-@pytest.mark.parametrize("radii", [1.5, 15.9, 16.1, 20.0, 24.1, 1000.0])
+@pytest.mark.parametrize("radii", [1.5, 2.49, 2.51, 2.75, 3.01, 1000.0])
 def test_fields_in_kernels_pull_as_in_python_near_and_far(radii):
     body = Polyhedron(build_shape("eros", 6), gm=EROS_GM)
     r_A = radii * body.shape.max_radius * np.array([[0.6, 0.0, 0.8], [-0.48, 0.64, -0.6]])
