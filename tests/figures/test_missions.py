@@ -130,10 +130,13 @@ def test_places_on_a_stretched_axis_lead_back_to_their_times():
     assert len(drawn) < 100
 
 
-@pytest.mark.parametrize("width_in", [1.6, 3.0, 4.0, 9.0])
+@pytest.mark.parametrize("width_in", [1.6, 2.05, 2.5, 2.7, 2.8, 4.1, 5.4, 5.6, 9.0])
 @pytest.mark.parametrize("brief", [False, True])
 def test_marks_of_a_stretched_axis_have_room_at_any_width(width_in, brief):
-    """A flight of two days with an encounter of an hour and a half in it, whose marks are long words."""
+    """A flight of two days with an encounter of an hour and a half in it, whose marks are long words.
+
+    Those at 40 min have room from 2.75 in on, and those at half that time from twice that width.
+    """
     scale = TimeScale(
         axis=TimeAxis(3600.0, "h"), duration_s=176_400.0, arrival_s=172_800.0, encounter_s=(170_180.0, 175_420.0)
     )
@@ -146,8 +149,8 @@ def test_marks_of_a_stretched_axis_have_room_at_any_width(width_in, brief):
     assert all(one.x1 + 2.0 < other.x0 for one, other in zip(boxes, boxes[1:], strict=False))
     words = {tick.get_text() for tick in ax.get_xticklabels()}
     assert "arrival" in words and "0" in words
-    assert ({"\N{MINUS SIGN}40 min", "+40 min"} <= words) == (width_in > 2.0 and not brief)
-    assert ("+20 min" in words) == (width_in > 4.0 and not brief)
+    assert ({"\N{MINUS SIGN}40 min", "+40 min"} <= words) == (width_in > 2.75 and not brief)
+    assert ("+20 min" in words) == (width_in > 5.5 and not brief)
 
 
 def test_the_words_over_paths_in_frame_n_end_with_their_diagram(flights):
