@@ -56,16 +56,18 @@ def test_without_a_home_nothing_is_kept_and_everything_works(monkeypatch):
     assert main(["available"]) == 0
 
 
-def test_a_home_that_may_not_be_entered_is_none(monkeypatch, tmp_path):
+@pytest.mark.parametrize("writable", [True, False])
+def test_a_home_that_may_not_be_entered_is_none(monkeypatch, tmp_path, writable):
+    """Machine code goes below the nearest folder that may be entered if that may be written to, else into a private one."""
     import swarm_mj
 
     def refuse(path, **_):
         raise PermissionError(13, "Permission denied", str(path))
 
-    monkeypatch.setattr(
-        swarm_mj.os, "access", lambda path, mode: not str(path).startswith(str(Path(swarm_mj.__file__).parent))
-    )
+    monkeypatch.setattr(swarm_mj.os, "access", lambda path, mode: writable and Path(path) == tmp_path)
     monkeypatch.setattr(Path, "exists", refuse)
+    monkeypatch.setattr(swarm_mj.tempfile, "mkdtemp", lambda prefix: str(tmp_path / prefix))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "private" / "cache"))
     monkeypatch.setenv("NUMBA_CACHE_DIR", "")
     swarm_mj._give_numba_a_cache()
+    assert os.environ["NUMBA_CACHE_DIR"] == ("" if writable else str(tmp_path / "swarm_mj-"))
