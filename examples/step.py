@@ -14,5 +14,5 @@ env = gym.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"])
 observation, info = env.reset(seed=0)
 for _ in range(10):
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
-print(f"after {info['time_s']:.0f} s: {info['coverage_percent']:.1f} % of what is possible seen, reward {reward:.3f}")
+print(f"after {info['time_s']:.0f} s: {info['coverage_percent']:.1f} % of the yardstick seen, reward {reward:.3f}")
 env.close()

@@ -101,7 +101,7 @@ class Episodes(EpisodeState):
         self.update_estimate(live)
         self._write_draw(e, draw, mission)
         target = self.totals.target[e, : mission.plan.region.n_cells]
-        self.deal(e, mission.possible_area(target, draw.spacecraft, start))
+        self.deal(e, mission.yardstick_area(target, draw.spacecraft, start))
         self._lose(e, ~self.sheet.present[e])
         self._fail(live)
         self.update(live)
@@ -225,7 +225,7 @@ class Episodes(EpisodeState):
         totals = self.totals
         return {
             "time_s": self.flights.tick * self.flights.period,
-            "coverage_percent": 100.0 * totals.area / self.sheet.possible_area,
+            "coverage_percent": 100.0 * totals.area / self.sheet.yardstick_area,
             "delivered_bit": totals.delivered.sum(axis=1),
             "stored_bit": totals.stored,
             "seen_bit": totals.seen_bit,

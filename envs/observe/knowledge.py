@@ -89,7 +89,7 @@ class GraphKnowledge:
         episode, mine = self._episode, self.beliefs
         truth = EpisodeArrays(episode.now, episode.estimate, episode.tracking, episode.totals, episode.sheet)
         mine.now.t[:], mine.now.C_AN[:] = truth.now.t[0], truth.now.C_AN[0]
-        for name in ("possible_area", "possible_bit", "sun_A"):
+        for name in ("yardstick_area", "yardstick_bit", "sun_A"):
             getattr(mine.sheet, name)[:] = getattr(truth.sheet, name)[0]
         mine.totals.target[:] = truth.totals.target[0]
         area = episode.missions[episode.mission[0]].patches.cell_area

@@ -57,8 +57,8 @@ from .tables import TableConstants
 Target = Literal["scenario", "body"]
 #: Share of a cell that the Sun of a catalogued flyby must reach.
 LIT_SHARE = 0.5
-#: Share of the target that counts as possible at least, so that no episode is about a few cells.
-LEAST_POSSIBLE = 0.2
+#: Share of the target that the yardstick is at least, so that no episode is about a few cells.
+LEAST_YARDSTICK = 0.2
 #: Of the integration of the planned paths.
 PATH_TOLERANCE = 1e-9
 #: Times of pictures whose light is kept; episodes of one scenario have some hundred.
@@ -246,8 +246,8 @@ class Mission:
     def _lit_at(self) -> dict[float, Mask]:
         return {}
 
-    def possible_area(self, target: Mask, present: int, start: InitialState | None = None) -> float:
-        """Area that the swarm can see as it was released, if nothing fails, at least `LEAST_POSSIBLE` of the target [m^2].
+    def yardstick_area(self, target: Mask, present: int, start: InitialState | None = None) -> float:
+        """Area that straight paths from the release pass, if nothing fails, at least `LEAST_YARDSTICK` of the target [m^2].
 
         Args:
             target: Cells that can count, shape (C,).
@@ -262,7 +262,7 @@ class Mission:
         else:
             r, v = (np.ascontiguousarray(part[:present]) for part in (start.r_BN_N, start.v_BN_N))
             found = cells_in_reach(self.scene, self.rotation, r, v, self.duration_s, self.interval_s, target)
-        return max(float(area[found].sum()), LEAST_POSSIBLE * float(area.sum()))
+        return max(float(area[found].sum()), LEAST_YARDSTICK * float(area.sum()))
 
     @cached_property
     def _passed(self) -> Mask:

@@ -76,7 +76,7 @@ class _Picture:
             seen=totals.seen[e, : mission.plan.region.n_cells],
             trail_N=self._trail.to(t, self._last_N),
             lost=totals.lost[e].copy(),
-            note=f"seen {seen:.2f} + sent {sent:.2f} of what is possible",
+            note=f"seen {seen:.2f} + sent {sent:.2f} of the yardsticks",
         )
         picture: Pixels = self._drawing.draw(instant)
         return picture

@@ -45,8 +45,8 @@ def no_result(count: int) -> StepOutcome:
 
 
 def measures(totals: EpisodeTotals, sheet: EpisodeSheet) -> Array:
-    """What E episodes have come to so far, of what is possible, in the order of `TERMS`, shape (E, terms)."""
-    return np.stack([totals.area / sheet.possible_area, totals.delivered.sum(axis=1) / sheet.possible_bit], axis=1)
+    """What E episodes have come to so far, over the yardsticks, in the order of `TERMS`, shape (E, terms)."""
+    return np.stack([totals.area / sheet.yardstick_area, totals.delivered.sum(axis=1) / sheet.yardstick_bit], axis=1)
 
 
 def write_ends(

@@ -149,12 +149,12 @@ class EpisodeState:
         reset_totals(self.totals, e)
         self.totals.target[e, : self.missions[self.mission[e]].plan.region.n_cells] = True
 
-    def deal(self, e: int, possible_area: float) -> None:
-        """Write down what episode e is measured by: the area that is possible [m^2], its data, and what is all of it."""
+    def deal(self, e: int, yardstick_area: float) -> None:
+        """Write down what episode e is measured by: the yardsticks of area [m^2] and data, and what is all of it."""
         mission, sheet = self.missions[self.mission[e]], self.sheet
         area = mission.patches.cell_area
-        sheet.possible_area[e] = possible_area
-        sheet.possible_bit[e] = mission.nominal_bit * possible_area / area.sum()
+        sheet.yardstick_area[e] = yardstick_area
+        sheet.yardstick_bit[e] = mission.nominal_bit * yardstick_area / area.sum()
         can_count = area[self.totals.target[e, : len(area)]].sum()
         sheet.complete_area[e] = can_count - (1.0 - 0.01 * mission.complete) * area.sum()
 

@@ -110,13 +110,13 @@ def _write_general(constants: TableConstants, arrays: EpisodeArrays, e: int, out
         alive += not totals.lost[e, j]
         delivered += totals.delivered[e, j]
     out[0] = 1.0 - now.t[e] / constants.duration_s
-    out[1] = min(totals.area[e] / sheet.possible_area[e], BOUND)
-    out[2] = min(delivered / sheet.possible_bit[e], BOUND)
+    out[1] = min(totals.area[e] / sheet.yardstick_area[e], BOUND)
+    out[2] = min(delivered / sheet.yardstick_bit[e], BOUND)
     out[3] = alive / n
     out[4] = constants.half_width_m / constants.altitude_m
     out[5] = np.tan(constants.half_angle) * constants.altitude_m / constants.half_width_m
     out[6] = constants.spin_rate * constants.crossing_s
-    out[7] = min(constants.earth_bit_s * constants.step_s / sheet.possible_bit[e], BOUND)
+    out[7] = min(constants.earth_bit_s * constants.step_s / sheet.yardstick_bit[e], BOUND)
     earth = _earth(constants, now.t[e])
     far = np.sqrt(earth[0] * earth[0] + earth[1] * earth[1] + earth[2] * earth[2])
     sun_A = _sun(constants, arrays, e, 0.0)
@@ -141,7 +141,7 @@ def _write_spacecraft(constants: TableConstants, arrays: EpisodeArrays, e: int, 
     out[1] = out[1] * (j < constants.n_observers)
     out[4], out[5], out[6] = kind == _SPACECRAFT, kind == _EARTH, kind == _DIRECTION
     out[7] = totals.closed[e, j]
-    out[8] = min(totals.stored[e, j] / sheet.possible_bit[e], BOUND)
+    out[8] = min(totals.stored[e, j] / sheet.yardstick_bit[e], BOUND)
     out[9] = _earth_in_sight(constants, now, e, j)
     r, v = np.empty(3), np.empty(3)
     _motion(constants, now, e, j, 0.0, r, v)
@@ -207,7 +207,7 @@ def _write_pairs(constants: TableConstants, arrays: EpisodeArrays, e: int, j: in
         sun_A[m, 0], sun_A[m, 1], sun_A[m, 2] = _sun(constants, arrays, e, (m + 0.5) * constants.step_s)
         _motion(constants, now, e, j, (m + 0.5) * constants.step_s, place[m], velocity)
     for k in range(out.shape[0]):
-        area = tables.patches[e, k, 0] * constants.patch_area[k] / sheet.possible_area[e]
+        area = tables.patches[e, k, 0] * constants.patch_area[k] / sheet.yardstick_area[e]
         value, gsd = _picture_value(constants, place[0], k)
         out[k, 2], out[k, 3] = min(gsd, 2.0), _off_boresight(constants, place[0], boresight_A, k)
         if not works:

@@ -102,8 +102,8 @@ class EpisodeSheet(NamedTuple):
     """What was drawn for E episodes, and what follows from it.
 
     Attributes:
-        possible_area: What the swarm can see as it was released, if nothing fails, shape (E,) [m^2].
-        possible_bit: Its data straight down from the imaging altitude, shape (E,) [bit].
+        yardstick_area: What straight paths from the release pass, if nothing fails, shape (E,) [m^2].
+        yardstick_bit: Its data straight down from the imaging altitude, shape (E,) [bit].
         complete_area: From which on all is seen, shape (E,) [m^2].
         sun_A: Direction of the Sun where it was drawn, shape (E, 3).
         present: Who flies from the start, shape (E, n).
@@ -112,8 +112,8 @@ class EpisodeSheet(NamedTuple):
         fails_s: When spacecraft are lost, cameras go off, links go off, shape (E, n, 3) [s].
     """
 
-    possible_area: Array
-    possible_bit: Array
+    yardstick_area: Array
+    yardstick_bit: Array
     complete_area: Array
     sun_A: Array
     present: Mask
@@ -161,8 +161,8 @@ class Tables(NamedTuple):
 def no_sheet(count: int, n: int) -> EpisodeSheet:
     """Of that many episodes."""
     return EpisodeSheet(
-        possible_area=np.ones(count),
-        possible_bit=np.ones(count),
+        yardstick_area=np.ones(count),
+        yardstick_bit=np.ones(count),
         complete_area=np.ones(count),
         sun_A=np.zeros((count, 3)),
         present=np.zeros((count, n), np.bool_),

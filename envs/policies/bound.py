@@ -99,11 +99,11 @@ def _bound(episodes: Episodes, e: int, path: Path) -> tuple[float, float]:
     r_A = np.asarray(path.at(times) @ C_AN.swapaxes(1, 2))
     pixels, first = best_pixels(mission.scene, r_A, works, episodes.totals.target[e, :cells])
     found = np.isfinite(first)
-    seen = float(mission.patches.cell_area[found].sum()) / float(sheet.possible_area[e])
+    seen = float(mission.patches.cell_area[found].sum()) / float(sheet.yardstick_area[e])
     begins = times[int(first[found].min())] if found.any() else np.inf
     talks_s = max(0.0, min(mission.duration_s, float(fails[:, [0, 2]].min(axis=1).max())) - begins)
     bits = min(float(pixels.sum()) * mission.bits_per_pixel, mission.earth_bit_s * talks_s)
-    return mission.weights.seen * seen, mission.weights.delivered * bits / float(sheet.possible_bit[e])
+    return mission.weights.seen * seen, mission.weights.delivered * bits / float(sheet.yardstick_bit[e])
 
 
 @kernel

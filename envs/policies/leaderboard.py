@@ -1,4 +1,4 @@
-"""How good a policy of SwarmObserve-v0 is: frozen test episodes, and scores as a share of what was possible in them."""
+"""How good a policy of SwarmObserve-v0 is: frozen test episodes, and scores as a share of a bound that no policy passes."""
 
 from __future__ import annotations
 

@@ -163,10 +163,10 @@ def problem_of(episodes: Episodes, e: int, step: int) -> AllocationProblem | Non
     cells = np.flatnonzero(most > 0.0)
     pixels, most = pixels[..., cells], most[cells]
     least = np.minimum(np.where(pixels > 0.0, pixels, np.inf).min(axis=(0, 1, 2)), NEAR * most)
-    possible = float(episodes.sheet.possible_area[e])
-    bits = mission.bits_per_pixel / float(episodes.sheet.possible_bit[e])
+    yardstick = float(episodes.sheet.yardstick_area[e])
+    bits = mission.bits_per_pixel / float(episodes.sheet.yardstick_bit[e])
     # A picture from far brings area and few data, a near one the rest.
-    weight = np.concatenate([mission.patches.cell_area[cells] / possible + bits * least, bits * (NEAR * most - least)])
+    weight = np.concatenate([mission.patches.cell_area[cells] / yardstick + bits * least, bits * (NEAR * most - least)])
     shows = np.concatenate([pixels > 0.0, pixels >= NEAR * most], axis=3).transpose(0, 2, 1, 3)
     n, _, slots, _ = shows.shape
     aims, middle = mission.patches.centre_A, mission.centre_A

@@ -197,7 +197,7 @@ class FollowedEpisode(EpisodeState):
         self.add(mission)
         self.forget(0)
         self.sheet.present[:] = self.sheet.downlink[:] = True
-        self.deal(0, mission.possible_area(self.totals.target[0], n))
+        self.deal(0, mission.yardstick_area(self.totals.target[0], n))
 
     def follow(self, view: SwarmView, policy: Policy) -> Targets:
         """Bring the episode up to this instant; the targets that hold from now on."""

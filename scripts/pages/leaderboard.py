@@ -127,8 +127,9 @@ environments refuse these seeds, so that nothing is trained on them. Scores of e
 
 {table}
 
-- **Score**: sum of rewards for seen area and for delivered data, both over what the swarm of that episode could reach if
-  nothing failed.
+- **Score**: sum of rewards for seen area and for delivered data over the yardsticks of that episode: the lit cells that
+  straight paths from the release pass if nothing fails, and their data straight down from the imaging altitude. Pictures from
+  below that altitude hold more, so that delivered may pass 1.
 - **Goes by**: the clock alone, or chance (blind); the observation of one agent for all (full), which in these missions is what
   each spacecraft knows by itself; that and more of the state of the simulation, here each cell of the target in the place of
   patches (privileged); or what is still to fail (hindsight).

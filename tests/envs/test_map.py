@@ -53,8 +53,8 @@ def test_a_swarm_maps_much_of_the_lit_body_and_no_cell_in_the_dark(flown):
     episodes, _, dark = flown
     region = episodes.mission_of(0).plan.region
     share = float(episodes.totals.area[0] / region.total_area)
-    possible = float(episodes.sheet.possible_area[0] / region.total_area)
-    assert dark == 0 and 0.15 < share <= possible < 1.0
+    yardstick = float(episodes.sheet.yardstick_area[0] / region.total_area)
+    assert dark == 0 and 0.15 < share <= yardstick < 1.0
     # Nobody sees what lies on the other side: cells were seen in all directions but from the night side.
     assert len({int(k) for k in episodes.mission_of(0).patches.of_cell[episodes.totals.seen[0]]}) > 12
 

@@ -64,13 +64,13 @@ def test_plans_keep_what_can_be_done_and_weigh_what_the_score_does(test):
         plan = greedy(problem)
         assert can_be_taken(problem, plan.pictures)
         assert plan.value > 0.0
-        # Seen and wholly sent from nearby, a cell brings its area over what is possible, and its data over their volume.
+        # Seen and wholly sent from nearby, a cell brings its area over the yardstick, and its data over their volume.
         pixels = pictures_to_come(episodes, e, 0).pixels.max(axis=(0, 1, 2))
         some = np.flatnonzero(pixels)
-        cells, possible = len(some), episodes.sheet.possible_area[e]
-        volume = mission.nominal_bit * possible / mission.plan.region.total_area
+        cells, yardstick = len(some), episodes.sheet.yardstick_area[e]
+        volume = mission.nominal_bit * yardstick / mission.plan.region.total_area
         data = NEAR * pixels[some] * mission.bits_per_pixel / volume
-        whole = mission.patches.cell_area[some] / possible + data
+        whole = mission.patches.cell_area[some] / yardstick + data
         assert problem.weight[:cells] + problem.weight[cells:] == pytest.approx(whole, rel=1e-5)
         assert not problem.shows[~episodes.sheet.present[e]].any()
         assert (problem.shows[..., :cells] | ~problem.shows[..., cells:]).all()  # near pictures are pictures

@@ -110,23 +110,23 @@ def test_rewards_add_up_and_every_bit_is_aboard_or_on_earth(flown):
     terms, mission = np.sum([result.terms for result in results], axis=0), episodes.mission_of(0)
     for result in results:
         assert result.reward == pytest.approx(result.terms.sum(axis=1), abs=1e-15)
-    possible = episodes.sheet.possible_area / mission.plan.region.total_area
-    assert (0.5 < possible).all() and (possible <= 1.0).all()
+    yardstick = episodes.sheet.yardstick_area / mission.plan.region.total_area
+    assert (0.5 < yardstick).all() and (yardstick <= 1.0).all()
     assert terms[:, 0] == pytest.approx(facts[-1]["coverage_percent"] / 100.0, rel=1e-9)
-    assert terms[:, 1] == pytest.approx(facts[-1]["delivered_bit"] / (mission.nominal_bit * possible), rel=1e-9)
+    assert terms[:, 1] == pytest.approx(facts[-1]["delivered_bit"] / (mission.nominal_bit * yardstick), rel=1e-9)
     for told in facts:
         held = told["stored_bit"].sum(axis=1) + told["delivered_bit"] + told["lost_bit"]
         assert held == pytest.approx(told["seen_bit"], rel=1e-9)
     assert (terms[:, 0] > 0.6).all() and (terms[:, 1] > 0.2).all() and not facts[-1]["lost_bit"].any()
 
 
-def test_what_is_possible_is_what_planned_paths_pass_within_reach(flown):
+def test_the_yardstick_of_area_is_what_planned_paths_pass_within_reach(flown):
     _, _, _, episodes = flown
     totals = episodes.totals
     mission = episodes.mission_of(0)
     reached = mission._passed.any(axis=0)
     assert (totals.seen[:, : len(reached)] <= reached).all()
-    assert episodes.sheet.possible_area == pytest.approx(mission.patches.cell_area[reached].sum())
+    assert episodes.sheet.yardstick_area == pytest.approx(mission.patches.cell_area[reached].sum())
 
 
 def test_a_full_spacecraft_loses_what_its_pictures_bring_and_the_cells_count_as_seen():

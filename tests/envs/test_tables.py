@@ -63,9 +63,9 @@ def test_the_worth_of_a_picture_is_its_area_and_its_pixels_ahead(flown):
         r = part(spacecraft, SPACECRAFT, "east", "north", "up")
         v = part(spacecraft, SPACECRAFT, "v_east", "v_north", "v_up") / CROSSING_S
         centre, normal = part(patches, PATCHES, "east", "north", "up"), part(patches, PATCHES, *PATCHES[5:8])
-        # Earth hears a volume that is known: what is possible follows from its share.
-        possible = EARTH_BIT_S * 20.0 / mission.nominal_bit / part(general, GENERAL, "heard")[:, 0]
-        area = part(patches, PATCHES, "unseen", "area").prod(axis=-1) / 16.0 / possible[:, None]
+        # Earth hears a volume that is known: the yardstick follows from its share.
+        yardstick = EARTH_BIT_S * 20.0 / mission.nominal_bit / part(general, GENERAL, "heard")[:, 0]
+        area = part(patches, PATCHES, "unseen", "area").prod(axis=-1) / 16.0 / yardstick[:, None]
         for ahead, name in ((10.0, "worth"), (30.0, "worth_next")):
             # Straight on among the stars, while the body turns.
             there = middle + r + ahead * (v + np.cross(spin, middle + r))
@@ -96,7 +96,7 @@ def test_patches_that_are_or_come_in_reach_are_those_of_the_mask(flown):
     assert waits > 100
 
 
-def test_rewards_add_up_to_what_was_seen_and_sent_of_what_is_possible(flown):
+def test_rewards_add_up_to_what_was_seen_and_sent_over_the_yardsticks(flown):
     tables, terms, facts, _ = flown
     seen, delivered = (np.sum([term[:, TERMS.index(name)] for term in terms], axis=0) for name in ("seen", "delivered"))
     general = tables[-1]["general"]
