@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Self
@@ -24,7 +24,7 @@ from ..observe.single import NAME
 from .baselines import Flown, Policy, fly, open_loop, random_choices, scripted_policies
 from .bound import Progress, bounds
 from .planner import Planner
-from .policy_files import PACKAGED, open_policy
+from .policy_files import PACKAGED, open_policy, policy_file
 
 #: Flight seeds of the leaderboard: 1,000 episodes over all missions of the split `test`. They stay as they are for good.
 TEST_SEEDS = tuple(range(HELD_OUT_SEED, HELD_OUT_SEED + 1_000))
@@ -146,20 +146,7 @@ def policy_of(name_or_file: str | Path, config: EnvConfig) -> Policy:
         return named[str(name_or_file)]
     if str(name_or_file) == TRAINED:
         return open_policy(str(asset_path(PACKAGED)), config)
-    return open_policy(policy_file(name_or_file, (*named, PLANNER, TRAINED)), config)
-
-
-def policy_file(name_or_file: str | Path, names: Iterable[str]) -> Path:
-    """A file of a policy that is there.
-
-    Raises:
-        ScenarioError: It is not; the message says what names there are.
-    """
-    path = Path(name_or_file)
-    if not path.is_file():
-        what = "is no regular file" if path.exists() else "no such file"
-        raise ScenarioError(f"policy {str(path)!r}: {what}, and no name; names are {', '.join(names)}")
-    return path
+    return open_policy(policy_file("policy", name_or_file, (*named, PLANNER, TRAINED)), config)
 
 
 class FrozenEpisodes:

@@ -13,7 +13,6 @@ flies along and the policy decides for it as for the others. It takes no picture
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -33,7 +32,7 @@ from ..observe.layout import observed_from
 from ..observe.mission import Mission
 from ..observe.state import EpisodeState
 from .baselines import Policy, scripted_policies
-from .policy_files import PACKAGED, open_policy, told_arguments
+from .policy_files import PACKAGED, open_policy, policy_file, told_arguments
 
 #: Scripted policies by the names that a scenario knows.
 NAMES = ("sweep", "greedy", "greedy_ahead")
@@ -48,9 +47,8 @@ def policy_overrides(policy: str, scenario: Scenario) -> dict[str, Any]:
         MissionError: It is neither a name nor a file.
         PluginError: The scenario's own behaviour, which says what the swarm is, cannot be had.
     """
-    if policy not in NAMES and policy != "trained" and not Path(policy).is_file():
-        what = "is no regular file" if Path(policy).exists() else "no such file"
-        raise MissionError(f"--policy {policy!r}: {what}, and no name; names are trained, {', '.join(NAMES)}")
+    if policy not in NAMES and policy != "trained":
+        policy_file("--policy", policy, ("trained", *NAMES), MissionError)
     name = "scripted_policy" if policy in NAMES else "trained_policy"
     parameters: dict[str, Any] = {}
     if policy != "trained":

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal
@@ -27,7 +27,7 @@ from gymnasium.spaces import Box, Discrete, MultiDiscrete
 from numpy.typing import NDArray
 
 from swarm_mj import __version__
-from swarm_mj.errors import ScenarioError
+from swarm_mj.errors import ScenarioError, SwarmError
 from swarm_mj.io.arrays import check_archive
 from swarm_mj.io.records import reading, record_from, require_file
 from swarm_mj.scenarios.schema import Scenario
@@ -137,6 +137,20 @@ def told_arguments(file: str | Path) -> dict[str, Any]:
 def interface_of(about: Mapping[str, Any], config: EnvConfig) -> AllPatches:
     """What a policy was shown and chose among as it was trained; where it does not tell, all patches."""
     return make_interface(config.spacecraft, config.patches, about.get("arguments", {}).get("candidates"))
+
+
+def policy_file(what: str, file: str | Path, names: Iterable[str], error: type[SwarmError] = ScenarioError) -> Path:
+    """The file of a policy, in messages called `what`, that has none of these names.
+
+    Raises:
+        SwarmError: As `error`; it is not there, or no regular file of a policy's size.
+    """
+    path = Path(file)
+    try:
+        require_file(path, MAX_POLICY_BYTES)
+    except (OSError, ValueError) as reason:
+        raise error(f"{what} {str(path)!r}: {reason}, and no name; names are {', '.join(names)}") from None
+    return path
 
 
 def open_policy(file: str | Path, config: EnvConfig) -> Policy:

@@ -324,6 +324,7 @@ def test_the_command_refuses_what_it_cannot_fly_before_it_flies(tmp_path, capsys
         monkeypatch.setattr(FrozenEpisodes, work, lambda *_: pytest.fail("flown already"))
     for given, words in (
         (["gready"], "policy 'gready': no such file, and no name; names are random, "),
+        ([str(tmp_path)], "is a folder, no regular file, and no name; names are random, "),
         (["greedy", "--episodes", "1001"], "episodes = 1001: must be from 2 to 1000"),
         (["greedy", "--out", str(tmp_path / "none" / "out.json")], "out.json: cannot be written (No such file"),
     ):

@@ -58,6 +58,8 @@ def test_what_cannot_fly_is_refused_by_name(tmp_path):
     scenario = load_scenario("eros-observe")
     with pytest.raises(MissionError, match="no such file, and no name; names are trained, sweep, greedy"):
         policy_overrides("gready", scenario)
+    with pytest.raises(MissionError, match="is a folder, no regular file, and no name; names are trained"):
+        policy_overrides(str(tmp_path), scenario)
     with pytest.raises(MissionError, match="behavior.parameters.policy = 'gready': must be one of sweep, greedy"):
         make_plan(
             load_scenario(
