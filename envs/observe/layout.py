@@ -5,6 +5,7 @@ Either takes the tables of E episodes by name, as `Episodes.entities` gives them
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
@@ -84,16 +85,36 @@ class FlatLayout:
         return parts
 
 
-class AllPatches:
-    """What stands between the tables and an agent: choices are all K patches, Earth, and relays to each of n spacecraft.
-
-    Args:
-        n: Most spacecraft.
-        patches: Number of patches K.
+class Interface(ABC):
+    """What stands between the tables and an agent.
 
     Attributes:
         layout: Of the flat observation.
         choices: Choices of a spacecraft, C.
+    """
+
+    layout: FlatLayout
+    choices: int
+
+    @abstractmethod
+    def shown(self, observed: Observed) -> dict[str, NDArray[Any]]:
+        """The observation `entities`: parts of E episodes by name, with `alive` and `action_mask`, shape (E, n, C)."""
+
+    def flat(self, observed: Observed) -> Array32:
+        """The observation `flat`, shape (E, F)."""
+        return self.layout.joined(self.shown(observed))
+
+    @abstractmethod
+    def decoded(self, observed: Observed, chosen: NDArray[Any]) -> Ints:
+        """Choices, shape (E, n), as numbers among all patches, Earth and relays."""
+
+
+class AllPatches(Interface):
+    """Choices of a spacecraft are all K patches, Earth, and relays to each of n spacecraft.
+
+    Args:
+        n: Most spacecraft.
+        patches: Number of patches K.
     """
 
     def __init__(self, n: int, patches: int) -> None:
@@ -102,19 +123,15 @@ class AllPatches:
         self.choices = patches + 1 + n
 
     def shown(self, observed: Observed) -> dict[str, NDArray[Any]]:
-        """The observation `entities`: parts of E episodes by name, with `alive` and `action_mask`, shape (E, n, C)."""
+        """The tables as they are."""
         return dict(observed)
 
-    def flat(self, observed: Observed) -> Array32:
-        """The observation `flat`, shape (E, F)."""
-        return self.layout.joined(self.shown(observed))
-
     def decoded(self, observed: Observed, chosen: NDArray[Any]) -> Ints:
-        """Choices, shape (E, n), as numbers among all patches, Earth and relays."""
+        """The choices as they are."""
         return np.asarray(chosen, np.int64)
 
 
-class Candidates(AllPatches):
+class Candidates(Interface):
     """Choices of a spacecraft are the R patches that are worth most to it, the best first, and, last, to send what is aboard.
 
     A patch that is in reach half a decision ahead comes before one that will be a whole one later, and that before those that
@@ -147,7 +164,7 @@ class Candidates(AllPatches):
         }
 
     def decoded(self, observed: Observed, chosen: NDArray[Any]) -> Ints:
-        """See `AllPatches`."""
+        """The patches of that rank now, and Earth or a relay for the last choice, shape (E, n)."""
         order, K = self._order(observed), observed["pairs"].shape[2]
         ranks = np.minimum(np.asarray(chosen, np.int64), self._count - 1)
         patch = np.take_along_axis(order, ranks[..., None], axis=2)[..., 0]
@@ -167,7 +184,7 @@ class Candidates(AllPatches):
 
 
 def local_parts(shown: Observed) -> dict[str, NDArray[Any]]:
-    """What each spacecraft is told of a team's observation, parts of E episodes, by name, shape (E, n, ...).
+    """What each spacecraft is told of a team's observation, parts of E episodes, by name, shape (E, n, ...), or views.
 
     Its own rows of spacecraft and of pairs or candidates, the rows of the others in cyclic order, and what concerns all.
     """
@@ -175,7 +192,8 @@ def local_parts(shown: Observed) -> dict[str, NDArray[Any]]:
     n = spacecraft.shape[1]
     others = (np.arange(n)[:, None] + 1 + np.arange(n - 1)) % n
     parts = {"self": spacecraft, own: shown[own], "others": spacecraft[:, others]}
-    return parts | {name: shown[name][:, None].repeat(n, axis=1) for name in ("patches", "general") if name in shown}
+    of_all = {name: shown[name][:, None] for name in ("patches", "general") if name in shown}
+    return parts | {name: np.broadcast_to(part, (len(part), n, *part.shape[2:])) for name, part in of_all.items()}
 
 
 def local_rows(shown: Observed) -> Array32:
@@ -209,6 +227,6 @@ def choice_rows(observed: Observed) -> Array32:
     return out
 
 
-def make_interface(n: int, patches: int, candidates: int | None) -> AllPatches:
+def make_interface(n: int, patches: int, candidates: int | None) -> Interface:
     """By the environment's arguments of these names."""
     return AllPatches(n, patches) if candidates is None else Candidates(n, patches, candidates)

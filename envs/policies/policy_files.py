@@ -34,7 +34,7 @@ from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array32, Ints
 
 from ..observe.config import EnvConfig, checked_candidates
-from ..observe.layout import CHOICE_SIZE, AllPatches, Observed, choice_rows, local_rows, make_interface
+from ..observe.layout import CHOICE_SIZE, AllPatches, Interface, Observed, choice_rows, local_rows, make_interface
 from ..observe.single import NAME
 from ..observe.tables import GENERAL, PAIRS, PATCHES, SPACECRAFT
 from .baselines import Policy
@@ -134,7 +134,7 @@ def told_arguments(file: str | Path) -> dict[str, Any]:
     return {}
 
 
-def interface_of(about: Mapping[str, Any], config: EnvConfig) -> AllPatches:
+def interface_of(about: Mapping[str, Any], config: EnvConfig) -> Interface:
     """What a policy was shown and chose among as it was trained; where it does not tell, all patches."""
     return make_interface(config.spacecraft, config.patches, about.get("arguments", {}).get("candidates"))
 
