@@ -6,9 +6,9 @@ altitude H, times with that in which its swarm flies as far as H, areas with tha
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import radians, tan
 from typing import Any, Literal
 
@@ -31,6 +31,7 @@ from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.state import InitialState
 from swarm_mj.smallbody.occultation import occluder_of
+from swarm_mj.smallbody.shape import frozen
 from swarm_mj.spacecraft.attitude.algebra import Vector, cross
 from swarm_mj.typing import Array, Mask
 
@@ -228,23 +229,17 @@ class Mission:
         samples = next(k for k in range(1, highest.shape[1] + 1) if k / highest.shape[1] >= LIT_SHARE)
         return self.scene, samples, highest.max(axis=1).astype(np.float64)
 
-    def lit_at(self, t: float) -> Mask:
-        """Cells with the light that the scenario's criterion asks for at a time past the epoch [s], shape (C,).
-
-        It is not to be written to. Every episode of the scenario takes its pictures at the same times, so that the rays of each
-        are traced once.
-        """
-        known = self._lit_at
-        if t not in known:
-            if len(known) >= MAX_TIMES:
-                known.clear()
-            environment = self.plan.environment
-            known[t] = lit_cells(self.observer, self.criterion, environment.C_AN(t) @ environment.sun.at(t))
-        return known[t]
-
     @cached_property
-    def _lit_at(self) -> dict[float, Mask]:
-        return {}
+    def lit_at(self) -> Callable[[float], Mask]:
+        """Cells with the light that the scenario's criterion asks for at a time past the epoch [s], shape (C,), read-only.
+
+        Every episode of the scenario takes its pictures at the same times, so that the rays of each are traced once.
+        """
+        return lru_cache(MAX_TIMES)(self._trace_light)
+
+    def _trace_light(self, t: float) -> Mask:
+        sun_A = self.plan.environment.C_AN(t) @ self.plan.environment.sun.at(t)
+        return frozen(lit_cells(self.observer, self.criterion, sun_A))
 
     def yardstick_area(self, target: Mask, present: int, start: InitialState | None = None) -> float:
         """Area that straight paths from the release pass, if nothing fails, at least `LEAST_YARDSTICK` of the target [m^2].
@@ -252,7 +247,7 @@ class Mission:
         Args:
             target: Cells that can count, shape (C,).
             present: How many spacecraft fly, the first ones.
-            start: Of a flight of the catalogue; those of a scenario of one's own are taken as planned.
+            start: Of a flight of the catalogue; those of a scenario of one's own pass what their planned paths do.
         """
         area = self.patches.cell_area
         if self.scene is None:
@@ -345,12 +340,11 @@ def make_flyby(
     observer: ObserverKind,
     dispersions: Mapping[str, float] | None,
     sensors: Any,
-    **told: Any,
+    step_s: float,
+    weights: RewardWeights,
+    complete: float,
 ) -> Mission:
-    """Work a flyby of the catalogue out, by arguments of `SwarmObserveEnv`; tables come from the cache if they are there.
-
-    `told` are the attributes of the mission that the arguments say: `step_s`, `weights` and `complete`.
-    """
+    """Work a flyby of the catalogue out, by arguments of `SwarmObserveEnv`; tables come from the cache if they are there."""
     data, altitude, half_width = flyby(spec, spacecraft, patches)
     scenario = load_scenario(data | {"dispersions": dict(dispersions or {}), "spacecraft": {"sensors": sensors}})
     pixel = 2.0 * tan(radians(scenario.camera.half_angle_deg)) / scenario.camera.resolution_px * altitude
@@ -368,7 +362,9 @@ def make_flyby(
         earth_bit_s=EARTH_BIT_S,
         radio=_radio(plan, EARTH_BIT_S, SWARM_BIT_S),
         v0_N=release_table(plan, altitude),
-        **told,
+        step_s=step_s,
+        weights=weights,
+        complete=complete,
     )
 
 
@@ -384,10 +380,19 @@ def environment_scenario(given: Any) -> Scenario:
     return scenario.model_copy(update={"physics": physics})
 
 
-def make_own(scenario: Scenario, *, target: Target, patches: int, observer: ObserverKind, **told: Any) -> Mission:
+def make_own(
+    scenario: Scenario,
+    *,
+    target: Target,
+    patches: int,
+    observer: ObserverKind,
+    step_s: float,
+    weights: RewardWeights,
+    complete: float,
+) -> Mission:
     """Work a scenario of one's own out, see `environment_scenario`: path, frame, scales and links are those of its plan.
 
-    The other arguments are those of `SwarmObserveEnv`, and `told` that of `make_flyby`.
+    The other arguments are those of `SwarmObserveEnv`.
 
     Raises:
         ScenarioError: Compiled code cannot fly it; the message says why.
@@ -413,7 +418,9 @@ def make_own(scenario: Scenario, *, target: Target, patches: int, observer: Obse
         earth_bit_s=_fastest_to_earth(plan, radio),
         radio=radio,
         v0_N=None,
-        **told,
+        step_s=step_s,
+        weights=weights,
+        complete=complete,
     )
 
 

@@ -19,7 +19,8 @@ from swarm_mj.envs.policies.baselines import greedy
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.behaviors import TargetKind, Targets
-from swarm_mj.observation.capture import observe
+from swarm_mj.observation.capture import lit_cells, observe
+from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 ID = "swarm_mj.envs:SwarmObserve-v0"
@@ -127,6 +128,21 @@ def test_the_yardstick_of_area_is_what_planned_paths_pass_within_reach(flown):
     reached = mission._passed.any(axis=0)
     assert (totals.seen[:, : len(reached)] <= reached).all()
     assert episodes.sheet.yardstick_area == pytest.approx(mission.patches.cell_area[reached].sum())
+
+
+def test_the_rays_of_a_time_are_traced_once_whatever_was_asked_before(monkeypatch):
+    first_hit, asked = RayTracer.first_hit, []
+    monkeypatch.setattr(RayTracer, "first_hit", lambda *rays: asked.append(rays) or first_hit(*rays))
+    for times in ((0.0, 15000.0), (15000.0, 0.0)):  # all is lit, and two cells are
+        mission = EnvConfig(scenario=eros()).make_mission(0)
+        asked.clear()
+        lit = [mission.lit_at(t) for t in (*times, *times)]
+        assert len(asked) == len(times) and not any(cells.flags.writeable for cells in lit)
+        world = mission.plan.environment
+        suns = [world.C_AN(t) @ world.sun.at(t) for t in (*times, *times)]
+        fresh = [lit_cells(mission.observer, mission.criterion, sun_A) for sun_A in suns]
+        assert np.array_equal(lit, fresh) and not np.array_equal(lit[0], lit[1])
+        mission.close()
 
 
 def test_a_full_spacecraft_loses_what_its_pictures_bring_and_the_cells_count_as_seen():
