@@ -13,7 +13,7 @@ from gymnasium.utils import seeding
 from swarm_mj.errors import ScenarioError
 
 from .arguments import check_action, checked_options, flight_seed
-from .snapshots import OverBatch
+from .batch_env import OverBatch
 
 try:
     from pettingzoo import ParallelEnv

@@ -21,8 +21,8 @@ from swarm_mj.typing import Array32, Mask, Pixels
 
 from ..agents import PerAgent, SwarmParallelEnv
 from ..arguments import agent_names, checked_render_mode, record_of
-from ..batch_env import StepOutcome
-from ..snapshots import EpisodeSnapshot, must_have_begun, restore_state, take_state
+from ..batch_env import StepOutcome, must_have_begun
+from ..snapshots import EpisodeSnapshot, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import EnvConfig
 from .episodes import Episodes, box

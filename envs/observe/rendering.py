@@ -18,7 +18,7 @@ from swarm_mj.smallbody.environment import LinearMotion
 from swarm_mj.typing import Pixels
 
 from ..arguments import nothing_to_draw
-from ..snapshots import must_have_begun
+from ..batch_env import must_have_begun
 from .draws import EpisodeDraw
 from .episodes import Episodes
 from .flybys import TIME_OF_FLIGHT_S

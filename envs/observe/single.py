@@ -11,8 +11,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Pixels
 
 from ..arguments import checked_render_mode, checked_size, record_of
-from ..batch_env import BatchEnv
-from ..snapshots import must_have_begun
+from ..batch_env import BatchEnv, must_have_begun
 from .catalogue import DEFAULT_COUNT
 from .config import EnvConfig
 from .episodes import Episodes

@@ -11,8 +11,7 @@ from gymnasium.vector import AutoresetMode
 from swarm_mj.typing import Pixels
 
 from ..arguments import checked_count, checked_render_mode, nothing_to_draw
-from ..batch_env import BatchEnv, BatchVectorEnv, vector_arguments
-from ..snapshots import must_have_begun
+from ..batch_env import BatchEnv, BatchVectorEnv, must_have_begun, vector_arguments
 from .batch import PointingBatch, crossed
 from .task import PointingWeights, make_pointing_task
 

@@ -14,8 +14,7 @@ from gymnasium import spaces
 
 from ..agents import PerAgent, SwarmParallelEnv
 from ..arguments import agent_names, checked_render_mode, nothing_to_draw
-from ..batch_env import info_of, one_of, told_of_step
-from ..snapshots import must_have_begun
+from ..batch_env import info_of, must_have_begun, one_of, told_of_step
 from .batch import PointingBatch, crossed
 from .env import ACTION_SPACE
 from .task import PointingWeights, make_pointing_task

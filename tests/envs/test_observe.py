@@ -10,7 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test
 from scipy import stats
-from swarm_mj.envs import snapshots
+from swarm_mj.envs import batch_env
 from swarm_mj.envs.observe.catalogue import CATALOGUE, mission_names
 from swarm_mj.envs.observe.config import EnvConfig
 from swarm_mj.envs.observe.draws import NAMES, Randomisation
@@ -279,7 +279,7 @@ def test_who_looks_ahead_sends_where_the_time_left_is_short_for_what_is_stored(d
 
 def test_first_calls_say_what_takes_long_and_later_ones_say_nothing(monkeypatch):
     said = []
-    monkeypatch.setattr(snapshots, "said_when_late", lambda words: said.append(words) or nullcontext())
+    monkeypatch.setattr(batch_env, "said_when_late", lambda words: said.append(words) or nullcontext())
     env = gymnasium.make(ID, missions=["ellipsoid-train-1"]).unwrapped
     for _ in range(2):
         env.reset(seed=0)
