@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
+from swarm_mj.io.cache import hash_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +35,11 @@ class EpisodeSnapshot:
     episode: dict[str, Any]
     agents: tuple[int, ...] | None = None
     knowledge: tuple[NDArray[Any], ...] | None = None
+
+
+def digest(*told: Any) -> str:
+    """Digest of what must agree where the state of a flight is taken up, in values that JSON has; NumPy's count as Python's."""
+    return hash_of(json.dumps([__version__, *told], sort_keys=True, default=np.generic.item))
 
 
 def take_state(batch: Any, e: int, *, running: bool, random: np.random.Generator) -> EpisodeSnapshot:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
+from dataclasses import asdict
 from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj import __version__
 from swarm_mj.dataflow.contacts import Contacts, Instants, find_contacts, radios_from, samples_of
 from swarm_mj.dataflow.ground import earth_schedule
 from swarm_mj.dataflow.network import Access
@@ -15,7 +14,6 @@ from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.plan import Plan, antennas_from, make_plan
 from swarm_mj.flight.post_flight import turned
-from swarm_mj.io.cache import hash_of
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.scenarios.constants import AU, DAY
@@ -24,6 +22,7 @@ from swarm_mj.smallbody.occultation import occluder_of, segments_blocked
 from swarm_mj.typing import Array, Ints, Mask
 
 from ..arguments import refuse_extra_targets
+from ..snapshots import digest
 from .config import DownlinkConfig, Draw
 
 #: Instants of a slot at which contacts and sunlight are looked at.
@@ -121,8 +120,8 @@ class DownlinkTask:
         """Digest of all that must agree where the state of an episode is taken up."""
         config = self.config
         numbers = (config.step_s, config.horizon_s, config.products, config.storage_bit)
-        rest = [*map(repr, (*numbers, config.powers, config.draws, config.weights))]
-        return hash_of(json.dumps([__version__, "downlink", self.given.model_dump(mode="json"), rest]))
+        drawn = (asdict(config.powers), asdict(config.draws), config.weights)
+        return digest("downlink", self.given.model_dump(mode="json"), *numbers, *drawn)
 
     def draw(self, rng: np.random.Generator) -> DownlinkConditions:
         """The conditions of an episode."""

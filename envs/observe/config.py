@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -12,10 +11,8 @@ from typing import Any, get_args
 
 from pydantic import ValidationError
 
-from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.plan import unchecked_behavior
-from swarm_mj.io.cache import hash_of
 from swarm_mj.observation.observer import ObserverKind
 from swarm_mj.scenarios.explaining import explained
 from swarm_mj.scenarios.schema import Scenario
@@ -30,6 +27,7 @@ from ..arguments import (
     is_number,
     is_whole,
 )
+from ..snapshots import digest
 from .catalogue import DEFAULT_COUNT, MissionSpec, chosen_missions
 from .draws import Randomisation
 from .flybys import DECISION_S, DURATION_S, PERIOD_S, check_patches
@@ -108,7 +106,7 @@ class EnvConfig:
         _check_square(self.patches)
         for spec in self._specs:
             check_patches(spec, self.patches)
-        _check_dispersions(self.dispersions, self.sensors)
+        _ = _acting(self.dispersions, self.sensors)
         step = self.decision_s
         if not is_number(step) or step < PERIOD_S or step % PERIOD_S or DURATION_S % step:
             raise ScenarioError(
@@ -170,13 +168,12 @@ class EnvConfig:
     @cached_property
     def fingerprint(self) -> str:
         """Digest of all that must agree where the state of a flight is taken up."""
-        shown = ("split", "observation", "randomise")  # what an episode is, once drawn, does not depend on them
-        told = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in shown}
+        # What an episode is, once drawn, does not depend on the first three; the others are told by a scenario.
+        apart = ("split", "observation", "randomise", "dispersions", "sensors", "scenario")
+        told = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in apart}
         told |= {"missions": self.names, "max_spacecraft": self.spacecraft, "decision_s": float(self.decision_s)}
-        told |= {"dispersions": dict(self.dispersions or {}), "reward_weights": list(map(repr, self.weights))}
-        if self.scenario is not None:
-            told["scenario"] = self._own.model_dump(mode="json")
-        return hash_of(json.dumps([__version__, told], sort_keys=True, default=str))
+        scenario = _acting(self.dispersions, self.sensors) if self.scenario is None else self._own
+        return digest(told | {"reward_weights": self.weights}, scenario.model_dump(mode="json"))
 
     def make_mission(self, number: int) -> Mission:
         """One of the missions, by its number in `names`."""
@@ -218,7 +215,11 @@ class MissionPool:
 
 
 def checked_candidates(count: Any, patches: int) -> int | None:
-    """How many of the patches of a target each spacecraft chooses among; None for all."""
+    """How many of the patches of a target each spacecraft chooses among; None for all.
+
+    Raises:
+        ScenarioError: It is no whole number from 1 to `patches`.
+    """
     if count is None:
         return None
     must = (
@@ -233,14 +234,14 @@ def _check_square(count: Any) -> None:
         raise ScenarioError(f"patches = {count!r}: must be a whole square number such as 4, 9, 16 or 25")
 
 
-def _check_dispersions(given: Any, sensors: Any) -> None:
-    """Refuse what does not act in flight, and values that a scenario would not take."""
+def _acting(given: Any, sensors: Any) -> Scenario:
+    """A scenario with these dispersions and sensors; refuses what does not act in flight, and values that it would not take."""
     if given is not None and not isinstance(given, Mapping):
         raise ScenarioError(f"dispersions = {given!r}: must be a mapping; there are {', '.join(DISPERSIONS)}")
     for name in given or {}:
         if name not in DISPERSIONS:
             raise ScenarioError(f"dispersions: {name!r} is not drawn here; there are {', '.join(DISPERSIONS)}")
     try:
-        Scenario(name="flyby", dispersions=dict(given or {}), spacecraft={"sensors": sensors})
+        return Scenario(name="flyby", dispersions=dict(given or {}), spacecraft={"sensors": sensors})
     except ValidationError as error:
         raise ScenarioError(explained(error.errors()[0]).strip()) from None

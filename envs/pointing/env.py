@@ -13,7 +13,8 @@ from swarm_mj.typing import Pixels
 from ..arguments import checked_count, checked_render_mode, nothing_to_draw
 from ..batch_env import BatchEnv, BatchVectorEnv, must_have_begun, vector_arguments
 from .batch import PointingBatch, crossed
-from .task import PointingWeights, make_pointing_task
+from .steps import PointingWeights
+from .task import make_pointing_task
 
 NAME = "SwarmPointing-v0"
 #: Motor torques of one spacecraft over their limit.

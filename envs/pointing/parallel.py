@@ -17,7 +17,8 @@ from ..arguments import agent_names, checked_render_mode, nothing_to_draw
 from ..batch_env import info_of, must_have_begun, one_of, told_of_step
 from .batch import PointingBatch, crossed
 from .env import ACTION_SPACE
-from .task import PointingWeights, make_pointing_task
+from .steps import PointingWeights
+from .task import make_pointing_task
 
 
 class SwarmPointingParallelEnv(SwarmParallelEnv):

@@ -13,12 +13,8 @@ from swarm_mj.typing import Array, Array32, Ints, Mask
 
 from .flights import PointingFlights
 
-#: Number of reward terms.
-TERM_COUNT = 4
 #: Rate that costs in full [rad/s], and the observation's scale of rates.
 RATE = 0.1
-
-
 #: Scales beside that of rates: fine attitude error [1], fine rates and reference rates [rad/s].
 FINE_SIGMA, FINE_RATE, REFERENCE_RATE = 0.05, 0.01, 0.01
 #: Names, numbers and bounds of what is observed, in order.
@@ -42,6 +38,15 @@ CAMERA = (
 )
 
 
+class PointingWeights(NamedTuple):
+    """Weight of each reward term, in the order of their arrays."""
+
+    precise: float = 80.0
+    coarse: float = -40.0
+    rate: float = -10.0
+    effort: float = -5.0
+
+
 class PointingConstants(NamedTuple):
     """What `assess` needs to know of a task.
 
@@ -53,7 +58,7 @@ class PointingConstants(NamedTuple):
         steps: Steps of an episode.
         max_wheel_speed: [rad/s].
         max_effort: Sum of the squares of all motor torques of a step at their limit [N^2 m^2].
-        scales: Weight of each reward term, shape (TERM_COUNT,).
+        scales: Weight of each reward term, shape (terms,).
     """
 
     step_share: float
@@ -75,7 +80,7 @@ class PointingState(NamedTuple):
         held: Which references have been held for long enough, shape (E, H).
         error: Angle between +z and the target at the end of the last step [rad], shape (E,).
         on_target: Steps so far at whose end that was within the tolerance, shape (E,).
-        terms: Weighted reward terms of the last step, shape (E, TERM_COUNT).
+        terms: Weighted reward terms of the last step, shape (E, terms).
         reward: Their sum, shape (E,).
     """
 
@@ -96,7 +101,7 @@ def no_state(count: int, holds: int) -> PointingState:
         held=np.zeros((count, holds), np.bool_),
         error=np.zeros(count),
         on_target=np.zeros(count, np.int64),
-        terms=np.zeros((count, TERM_COUNT)),
+        terms=np.zeros((count, len(PointingWeights._fields))),
         reward=np.zeros(count),
     )
 

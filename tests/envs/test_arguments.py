@@ -3,9 +3,11 @@
 import gymnasium
 import numpy as np
 import pytest
+from swarm_mj.envs.observe.config import EnvConfig
 
 from swarm_mj.errors import ScenarioError, SwarmError
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.schema import Scenario
 
 ID = "swarm_mj.envs:SwarmObserve-v0"
 POOL = ["ellipsoid-train-1"]
@@ -162,3 +164,29 @@ def test_an_unknown_render_mode_and_unknown_reset_options_are_clear_errors():
         roles.reset(options={"flight_sede": 3})
     with pytest.raises(ScenarioError, match="flight_seed = -3"):
         roles.reset(options={"flight_seed": -3})
+
+
+@pytest.mark.parametrize(
+    ("given", "other"),
+    [
+        ({"patches": 9, "candidates": 3, "max_spacecraft": 2}, {"candidates": 4}),
+        ({"horizon_terminates": True, "complete": 99, "reward_weights": {"seen": 2}}, {"horizon_terminates": False}),
+        ({"dispersions": {"mass_percent": 3}}, {"dispersions": {"mass_percent": 4}}),
+        ({"scenario": "eros-observe", "patches": 4, "decision_s": 10}, {"patches": 9}),
+    ],
+)
+def test_numbers_of_numpy_and_of_python_make_one_task_and_other_numbers_another(given, other):
+    def in_numpy(value):
+        return {key: in_numpy(one) for key, one in value.items()} if isinstance(value, dict) else np.array(value)[()]
+
+    numbers = {name: value if isinstance(value, str) else in_numpy(value) for name, value in given.items()}
+    config = EnvConfig(**given)
+    assert EnvConfig(**numbers).fingerprint == config.fingerprint != EnvConfig(**given | other).fingerprint
+
+
+def test_sensors_by_name_and_written_out_make_one_task():
+    named, written = (
+        EnvConfig(sensors=one)
+        for one in ("cubesat", Scenario(name="a", spacecraft={"sensors": "cubesat"}).spacecraft.sensors.model_dump())
+    )
+    assert named.fingerprint == written.fingerprint != EnvConfig().fingerprint

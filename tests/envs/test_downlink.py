@@ -43,6 +43,11 @@ def tiny():
     return DownlinkTask(DownlinkConfig(**TINY))
 
 
+def test_numbers_of_numpy_and_of_python_make_one_task(tiny):
+    given = {name: np.array(value)[()] if isinstance(value, (int, float)) else value for name, value in TINY.items()}
+    assert DownlinkTask(DownlinkConfig(**given)).fingerprint == tiny.fingerprint
+
+
 def batch_of(task, seeds):
     batch = DownlinkBatch(task, len(seeds))
     batch.reset(dict(enumerate(seeds)))

@@ -11,6 +11,7 @@ from gymnasium.vector import AutoresetMode
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from swarm_mj.envs.pointing.batch import PointingBatch
+from swarm_mj.envs.pointing.config import REFERENCES
 from swarm_mj.envs.pointing.env import SwarmPointingVectorEnv
 from swarm_mj.envs.pointing.parallel import swarm_pointing_v0
 from swarm_mj.envs.pointing.policies import POLICIES, LawPolicy, fly, fly_policy
@@ -36,6 +37,11 @@ def env():
     made = gymnasium.make(ID, **SHORT).unwrapped
     yield made
     made.close()
+
+
+def test_numbers_of_numpy_and_of_python_make_one_task(task):
+    again = make_pointing_task(holds=np.int64(2), references=list(REFERENCES))
+    assert again.fingerprint == task.fingerprint != make_pointing_task(holds=1).fingerprint
 
 
 def direction_N(batch, e=0, ahead_s=0.0):
