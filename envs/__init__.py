@@ -41,20 +41,11 @@ _HOMES = {
     "SwarmPointingVectorEnv": "pointing.env",
 }
 
-#: Environments by name, and where their classes are: the single one and the vector one.
-ENVIRONMENTS = {
-    "SwarmObserve-v0": (
-        "swarm_mj.envs.observe.single:SwarmObserveEnv",
-        "swarm_mj.envs.observe.vector:SwarmObserveVectorEnv",
-    ),
-    "SwarmDownlink-v0": (
-        "swarm_mj.envs.downlink.env:SwarmDownlinkEnv",
-        "swarm_mj.envs.downlink.env:SwarmDownlinkVectorEnv",
-    ),
-    "SwarmPointing-v0": (
-        "swarm_mj.envs.pointing.env:SwarmPointingEnv",
-        "swarm_mj.envs.pointing.env:SwarmPointingVectorEnv",
-    ),
+#: Classes of the environments by name: the single one and the vector one.
+_ENVIRONMENTS = {
+    "SwarmObserve-v0": ("SwarmObserveEnv", "SwarmObserveVectorEnv"),
+    "SwarmDownlink-v0": ("SwarmDownlinkEnv", "SwarmDownlinkVectorEnv"),
+    "SwarmPointing-v0": ("SwarmPointingEnv", "SwarmPointingVectorEnv"),
 }
 
 __all__ = [
@@ -82,6 +73,7 @@ def __getattr__(name: str) -> Any:
     return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
 
 
-for name, (entry_point, vector_entry_point) in ENVIRONMENTS.items():
-    if name not in gymnasium.registry:
-        gymnasium.register(id=name, entry_point=entry_point, vector_entry_point=vector_entry_point)
+for _name, _classes in _ENVIRONMENTS.items():
+    _single, _vector = (f"{__name__}.{_HOMES[_class]}:{_class}" for _class in _classes)
+    if _name not in gymnasium.registry:
+        gymnasium.register(id=_name, entry_point=_single, vector_entry_point=_vector)

@@ -23,7 +23,11 @@ Record = TypeVar("Record")
 
 
 def record_of(kind: type[Record], name: str, given: Mapping[str, Any]) -> Record:
-    """The record of the arguments of an environment of that name, a dataclass that checks them; refuses unknown ones."""
+    """The record of the arguments of an environment of that name, a dataclass that checks them.
+
+    Raises:
+        ScenarioError: One is unknown, or not allowed.
+    """
     known = [item.name for item in fields(kind)]  # type: ignore[arg-type]
     for argument in given:
         if argument not in known:
@@ -70,7 +74,11 @@ def agent_names(prefix: Any, n: int) -> list[str]:
 
 
 def checked_whole(what: str, value: Any, low: int, high: float, must: str) -> int:
-    """A whole number within bounds; `must` tells of them, after "must be"."""
+    """A whole number within bounds; `must` tells of them, after "must be".
+
+    Raises:
+        ScenarioError: It is none, or beyond them.
+    """
     if not is_whole(value) or not low <= value <= high:
         raise ScenarioError(f"{what} = {value!r}: must be {must}")
     return int(value)
@@ -144,7 +152,11 @@ def checked_step(scenario: Scenario, step_s: float, name: str = "step_s") -> tup
 
 
 def refuse_more_than_fit(count: int, each: int) -> None:
-    """Refuse more episodes than memory holds, where each takes so much, an upper estimate [B]."""
+    """Refuse more episodes than memory holds, where each takes so much, an upper estimate [B].
+
+    Raises:
+        ScenarioError: They do not fit; the message says how many would.
+    """
     free = available_bytes()
     if free is not None and count * each > free:
         raise ScenarioError(

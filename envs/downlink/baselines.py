@@ -102,10 +102,6 @@ def recorded(actions: Sequence[Ints]) -> DownlinkPolicy:
     return choose
 
 
-#: Policies by name, but for `random_policy` and `recorded`.
-DOWNLINK_POLICIES: dict[str, DownlinkPolicy] = {"round robin": round_robin, "greedy": greedy}
-
-
 def fly_downlink(
     task: DownlinkTask, policy: DownlinkPolicy, seeds: Sequence[int], actions: list[Ints] | None = None
 ) -> tuple[Array, Array]:
