@@ -93,7 +93,7 @@ def test_the_same_seed_gives_the_same_front(make_discs, rng):
     assert first.explored == second.explored
 
 
-def test_free_arrivals_are_allowed_and_two_folds_are_counted(make_discs):
+def test_points_that_cost_nothing_are_allowed_and_two_folds_are_counted(make_discs):
     problem = make_discs(3, n_points=12, n_vertices=20, radius=0.5, fold=2, max_observers=6)
     front = pareto_front(problem, np.zeros(12), population=40, generations=20)
     assert np.all(front.delta_v == 0.0)

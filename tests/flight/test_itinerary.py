@@ -190,11 +190,11 @@ def test_entries_that_do_not_fit_are_refused_by_name(design, words):
 
 def test_the_communications_spacecraft_goes_with_observers_none_of_which_flies_at_the_common_times():
     late = {"release_s": 40, "time_of_flight_s": 200}
-    arrivals = [{"visiting_point": 3, **late}, {"visiting_point": 5, **late}, {"visiting_point": 2, "release_s": 10}]
-    deployment = make_plan(scenario(design={"observers": arrivals}, designer={"extra_targets": []})).deployment
+    observers = [{"visiting_point": 3, **late}, {"visiting_point": 5, **late}, {"visiting_point": 2, "release_s": 10}]
+    deployment = make_plan(scenario(design={"observers": observers}, designer={"extra_targets": []})).deployment
     assert (deployment.release_s[-1], deployment.arrival_s[-1]) == (40.0, 240.0)
-    arrivals[2] = {"visiting_point": 2}
-    deployment = make_plan(scenario(design={"observers": arrivals}, designer={"extra_targets": []})).deployment
+    observers[2] = {"visiting_point": 2}
+    deployment = make_plan(scenario(design={"observers": observers}, designer={"extra_targets": []})).deployment
     assert (deployment.release_s[-1], deployment.arrival_s[-1]) == (0.0, 250.0)
 
 

@@ -46,7 +46,7 @@ def test_motion_blur_is_the_difference_of_the_projections_at_both_ends_of_the_ex
     assert np.allclose(found, expected, rtol=2e-5)
 
 
-def test_a_camera_that_turns_with_a_point_smears_it_not_and_one_that_does_not_by_v_over_r():
+def test_a_camera_that_turns_with_a_point_blurs_it_not_and_one_that_does_not_by_v_over_r():
     region = eros_target()
     i, away = 0, 50e3
     centroid = region.centroid_A[i]

@@ -126,7 +126,7 @@ def test_rendered_episodes_share_one_context():
             env.reset(seed=seed)
             env.render()
         assert held() == before
-        # One context holds 80 MB: left over from one picture in ten, 300 MB. The driver holds some 40 MB more or less each time.
+        # One context holds 80 MB: left over from one picture in ten, 300 MB. The driver holds some 40 MB more or less.
         assert resident() - memory < 2**27
     finally:
         env.close()
