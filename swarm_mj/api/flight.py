@@ -23,8 +23,8 @@ from swarm_mj.flight.observe import ObservationResult, add_coverage, observe_fli
 from swarm_mj.flight.plan import Plan, behavior_from, check_plugins, make_plan
 from swarm_mj.io.atomic import Result, atomic_folder, check_place
 from swarm_mj.io.progress import Forecast, Shown, Stages, using_bars
-from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.coverage import CoverageMap, percent_text
+from swarm_mj.records.cells import cells_table
 from swarm_mj.records.observed import when_text
 from swarm_mj.records.run_files import coverage_arrays, flown_design, write_results, write_summary
 from swarm_mj.records.run_record import RunRecord, read_run
@@ -95,8 +95,8 @@ class Flight:
 
     @property
     def cells(self) -> pd.DataFrame:
-        """One row a cell of the target: its face in F_T, area [m^2], whether, when [s] and by how many it was observed."""
-        return cells_table(self.plan.region, self.coverage)
+        """One row a cell of the target; columns with units as `swarm_mj.records.cells.QUANTITIES` says."""
+        return cells_table(coverage_arrays(self.plan, self.result), self.delivered)
 
     @property
     def events(self) -> pd.DataFrame:
@@ -233,6 +233,30 @@ class Flight:
 
         return export_flight(FlightStates(self.plan, self.telemetry), Path(folder), formats, ccsds)
 
+    def products(
+        self, folder: str | Path, formats: Sequence[str] = ("all",), *, pixel_m: float | None = None
+    ) -> list[Path]:
+        """Write maps of the target for other programs; see the page "Maps for other programs".
+
+        Args:
+            folder: Where; earlier products are replaced, anything else is refused.
+            formats: `parquet` (one row a cell), `geotiff` (every quantity, equirectangular and polar), `ply`, `obj` (the body with
+                attributes), `dsk` (SPICE), `png` (panels), or `all`.
+            pixel_m: Side of a pixel of the GeoTIFFs [m]; None: a third of a median cell's side.
+
+        Returns:
+            The files.
+
+        Raises:
+            InteropError: A format is unknown or needs a package that is not installed, or pixel_m is impossible.
+            OutputError: The folder cannot be written or holds something else.
+        """
+        from swarm_mj.interop.states import FlightStates
+        from swarm_mj.products.write import write_products
+
+        states = FlightStates(self.plan, self.telemetry)
+        return write_products(states, self.cells, Path(folder), formats, pixel_m=pixel_m)
+
     def __repr__(self) -> str:
         """One line: what was flown and what it saw."""
         share = f"{percent_text(self.coverage.percent)} of the target observed"
@@ -258,18 +282,6 @@ class Flight:
         ]
         picture = figure_html(partial(COMPOSERS["operation"], plan, self.telemetry, self.result))
         return rows_html(f"Flight of {plan.scenario.name}", plan.scenario.description, rows) + picture
-
-
-def cells_table(region: TargetRegion, coverage: CoverageMap) -> pd.DataFrame:
-    """See `Flight.cells`."""
-    columns = {
-        "face": region.group,
-        "area_m2": region.area,
-        "seen": coverage.seen,
-        "first_seen_s": coverage.first_seen_s,
-        "observers": coverage.seen_by.sum(axis=0),
-    }
-    return pd.DataFrame(columns).rename_axis("cell")
 
 
 def fly(

@@ -10,7 +10,6 @@ from typing import Any
 import pandas as pd
 
 from swarm_mj import __version__
-from swarm_mj.api.flight import cells_table
 from swarm_mj.api.scenario import Scenario, load
 from swarm_mj.errors import InteropError
 from swarm_mj.flight.observe import ObservationResult, observe_flight, picture_count
@@ -25,8 +24,9 @@ from swarm_mj.io.atomic import atomic_file
 from swarm_mj.io.progress import Shown, Stages, using_bars
 from swarm_mj.io.records import writing
 from swarm_mj.observation.coverage import CoverageMap, percent_text
+from swarm_mj.records.cells import cells_table
 from swarm_mj.records.observed import not_observed
-from swarm_mj.records.run_files import write_coverage
+from swarm_mj.records.run_files import coverage_arrays, write_coverage
 from swarm_mj.scenarios.bodies import packaged_bodies
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
 from swarm_mj.smallbody.naif import BodyName
@@ -64,8 +64,8 @@ class Observation:
 
     @property
     def cells(self) -> pd.DataFrame:
-        """One row a cell of the target: its face in F_T, area [m^2], whether, when [s] and by how many it was observed."""
-        return cells_table(self.flight.region, self.coverage)
+        """One row a cell of the target; columns with units as `swarm_mj.records.cells.QUANTITIES` says."""
+        return cells_table(coverage_arrays(self.flight, self.result))
 
     @property
     def notes(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""The commands on a finished run: `video`, `report` and `export`."""
+"""The commands on a finished run: `video`, `report`, `export` and `products`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from swarm_mj.errors import OutputError
 
 #: Those of `swarm_mj.interop.export`, which a test compares; written out so that help is quick.
 FORMATS = ("oem", "aem", "spk", "ck", "dsk", "gltf", "csv")
+#: The same of `swarm_mj.products.write`.
+PRODUCTS = ("parquet", "geotiff", "ply", "obj", "dsk", "png")
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -17,6 +19,7 @@ def add(commands: argparse._SubParsersAction) -> None:
     _add_video(commands)
     _add_report(commands)
     _add_export(commands)
+    _add_products(commands)
 
 
 def _add_video(commands: argparse._SubParsersAction) -> None:
@@ -138,5 +141,34 @@ def _export(arguments: argparse.Namespace) -> int:
     out = arguments.out or run.with_name(f"{run.resolve().name}-export")
     files = open(run).export(out, formats=arguments.formats, ccsds=arguments.ccsds)
     for path in files:
+        print(path)
+    return 0
+
+
+def _add_products(commands: argparse._SubParsersAction) -> None:
+    what = "Write maps of a run's target: a table of cells, GeoTIFF, meshes with attributes, a shape kernel, panels."
+    products = add_command(commands, "products", _products, "write maps of a run for other programs", what)
+    products.add_argument("run", type=Path, metavar="RUN_DIR", help="result folder of `swarm-mj fly`")
+    products.add_argument(
+        "--format",
+        nargs="+",
+        default=["all"],
+        choices=(*PRODUCTS, "all"),
+        dest="formats",
+        metavar="FORMAT",
+        help=f"{' '.join(PRODUCTS)}, or all (default); parquet and geotiff need the extra `products`, dsk the extra `spice`",
+    )
+    products.add_argument(
+        "--pixel-m", type=float, metavar="M", help="side of a pixel of the GeoTIFFs [m] (default: a third of a cell)"
+    )
+    products.add_argument("--out", type=Path, metavar="DIR", help="default: beside the run, RUN_DIR-products")
+
+
+def _products(arguments: argparse.Namespace) -> int:
+    from swarm_mj.api.results import open
+
+    run: Path = arguments.run
+    out = arguments.out or run.with_name(f"{run.resolve().name}-products")
+    for path in open(run).products(out, arguments.formats, pixel_m=arguments.pixel_m):
         print(path)
     return 0

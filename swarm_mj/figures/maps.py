@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import Colormap, Normalize, to_rgb
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from swarm_mj.figures.palette import AMBIENT
@@ -131,9 +132,21 @@ def paint(ax: Axes, ground: Ground, body: ShapeModel, colours: Array, lamp_A: Ar
     level = np.einsum("...i,...i", outward, body.face_normals[ground.face])
     brightness = 1.0 - relief * (1.0 - np.clip(level, 0.0, 1.0))
     picture = shade(colours, body.face_normals, lamp_A, AMBIENT)[ground.face] * brightness[..., None]
+    _show(ax, ground, np.nan_to_num(picture, nan=1.0))
+
+
+def paint_values(ax: Axes, ground: Ground, values: Array, colours: Colormap, scale: Normalize, beyond: str) -> None:
+    """Paint values at the places of a map (r, c) by a scale of colours; ground without a value in a colour of its own."""
+    picture = colours(scale(values))[..., :3]
+    picture[np.isnan(values)] = to_rgb(beyond)
+    picture[ground.face < 0] = 1.0
+    _show(ax, ground, picture)
+
+
+def _show(ax: Axes, ground: Ground, picture: Array) -> None:
     sides = [(a[0] - 0.5 * (a[1] - a[0]), a[-1] + 0.5 * (a[1] - a[0])) for a in (ground.longitudes, ground.latitudes)]
     extent = (*sides[0], *sides[1])
-    ax.imshow(np.nan_to_num(picture, nan=1.0), origin="lower", extent=extent, interpolation="nearest", zorder=0)
+    ax.imshow(picture, origin="lower", extent=extent, interpolation="nearest", zorder=0)
 
 
 def draw_track(ax: Axes, points_A: Array, centre_longitude: float, **style: Any) -> None:

@@ -6,7 +6,8 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Final, get_args
 
@@ -40,29 +41,43 @@ def export_flight(states: FlightStates, folder: Path, formats: Iterable[str], ge
         raise InteropError(f"ccsds = {generation!r}: must be 2 (OEM 2.0, AEM 1.0) or 3 (OEM 3.0, AEM 2.0)")
     if set(chosen) & set(KERNELS):
         spiceypy()  # what is missing is said before anything is written
+    with written_into(folder, MANIFEST) as (partial, files):
+        for each in chosen:
+            FORMATS[each](states, partial, generation)
+        write_text(partial / MANIFEST, _manifest(states, partial, chosen))
+    return files
+
+
+@contextmanager
+def written_into(folder: Path, manifest: str) -> Iterator[tuple[Path, list[Path]]]:
+    """Give a temporary folder whose files are moved into `folder` when the block ends, and a list that they are then put into.
+
+    Files of an earlier export, which its manifest lists, are replaced; other files in the folder are kept.
+
+    Raises:
+        OutputError: The folder cannot be written or holds something else.
+    """
     folder = Path(folder)
-    earlier = _earlier(folder)
+    earlier, files = _earlier(folder, manifest), list[Path]()
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with reserved(folder), tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as name:
-            partial = Path(name)
-            for each in chosen:
-                FORMATS[each](states, partial, generation)
-            write_text(partial / MANIFEST, _manifest(states, partial, chosen))
-            return _moved(partial, folder, earlier)
+            yield Path(name), files
+            files += _moved(Path(name), folder, earlier, manifest)
     except OSError as error:
         raise unwritable(folder, error) from None
 
 
-def chosen_formats(formats: Iterable[str]) -> list[str]:
-    """Formats in the order in which they are written, each once; refused are unknown ones and none."""
+def chosen_formats(formats: Iterable[str], known: Iterable[str] | None = None) -> list[str]:
+    """Of known formats, None: `FORMATS`, those asked for in their order, each once; refused are unknown ones and none."""
+    known = list(FORMATS if known is None else known)
     asked = [formats] if isinstance(formats, str) else list(formats)
     for name in asked:
-        if name not in (*FORMATS, "all"):
-            raise InteropError(f"format {name!r} is unknown; allowed are {', '.join(FORMATS)}, or all")
+        if name not in (*known, "all"):
+            raise InteropError(f"format {name!r} is unknown; allowed are {', '.join(known)}, or all")
     if not asked:
-        raise InteropError(f"formats = []: name at least one of {', '.join(FORMATS)}, or all")
-    return [name for name in FORMATS if name in asked or "all" in asked]
+        raise InteropError(f"formats = []: name at least one of {', '.join(known)}, or all")
+    return [name for name in known if name in asked or "all" in asked]
 
 
 def _messages(write: Callable[[FlightStates, int, Generation], str], kind: str) -> Callable[..., None]:
@@ -127,7 +142,8 @@ def _put(path: Path, content: str | bytes) -> None:
     path.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
-def _files(folder: Path) -> list[str]:
+def files_in(folder: Path) -> list[str]:
+    """All files below a folder, relative to it, in order."""
     return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
 
 
@@ -145,27 +161,27 @@ def _manifest(states: FlightStates, folder: Path, chosen: list[str]) -> str:
         },
         "time": "TDB",
         "comments": states.comments,
-        "files": _files(folder),
+        "files": files_in(folder),
     }
     return json.dumps(contents, indent=2) + "\n"
 
 
-def _earlier(folder: Path) -> list[str]:
+def _earlier(folder: Path, manifest: str) -> list[str]:
     """Files of the export that stands in a folder, which may hold nothing else; none where there is no folder."""
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return []
     remedy = "choose another folder with --out"
-    if not (folder / MANIFEST).is_file():
-        raise OutputError(f"{folder}: exists and is no earlier export (it has no {MANIFEST}); {remedy}")
-    listed = read_record(folder / MANIFEST, dict[str, object], remedy).get("files")
+    if not (folder / manifest).is_file():
+        raise OutputError(f"{folder}: exists and is no earlier export (it has no {manifest}); {remedy}")
+    listed = read_record(folder / manifest, dict[str, object], remedy).get("files")
     names = [name for name in listed if isinstance(name, str)] if isinstance(listed, list) else []
     return [name for name in names if not PurePosixPath(name).is_absolute() and ".." not in PurePosixPath(name).parts]
 
 
-def _moved(partial: Path, folder: Path, earlier: list[str]) -> list[Path]:
+def _moved(partial: Path, folder: Path, earlier: list[str], manifest: str) -> list[Path]:
     """Put new files into their places, the list of them last, and remove those of an earlier export that have no successor."""
-    names = _files(partial)
-    for name in sorted(names, key=lambda name: name == MANIFEST):
+    names = files_in(partial)
+    for name in sorted(names, key=lambda name: name == manifest):
         place = folder / name
         place.parent.mkdir(parents=True, exist_ok=True)
         if place.is_dir():

@@ -18,6 +18,7 @@ from swarm_mj.interop.states import CLOCK, FIRST_SPACECRAFT, FlightStates
 from swarm_mj.io.spice import furnished, spice_errors, spiceypy
 from swarm_mj.scenarios.constants import DAY
 from swarm_mj.smallbody.rotation import spin_dcm
+from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.tracks.frames import C_EN
 from swarm_mj.tracks.times import EB, M0, M1, TT_TAI, K, leap_seconds
@@ -271,9 +272,12 @@ def write_ck(path: Path, states: FlightStates) -> None:
         spice.ckcls(handle)
 
 
-def write_dsk(path: Path, states: FlightStates) -> None:
-    """The shape, type 2 (plates), in the body-fixed frame, of which SPICE is told by the FK `swarm.tf` beside the file."""
-    shape, code = states.plan.shape, states.body.code
+def write_dsk(path: Path, states: FlightStates, shape: ShapeModel | None = None) -> None:
+    """A shape, type 2 (plates), in the body-fixed frame, of which SPICE is told by the FK `swarm.tf` beside the file.
+
+    None: the body's as it was given, not cut at the target.
+    """
+    shape, code = shape or states.plan.shape, states.body.code
     vertices, plates = shape.vertices / 1e3, np.asarray(shape.faces, np.int32) + 1
     with furnished([path.with_name("swarm.tf")], "frames"), spice_errors(f"{path.name}", _WRITING):
         spice = spiceypy()
