@@ -27,6 +27,7 @@ ORDER = (
     ("records",),
     ("figures",),
     ("reports",),
+    ("products",),
     ("rendering",),
     ("campaigns",),
     ("envs",),

@@ -240,8 +240,8 @@ class Flight:
 
         Args:
             folder: Where; earlier products are replaced, anything else is refused.
-            formats: `parquet` (one row a cell), `geotiff` (every quantity, equirectangular and polar), `ply`, `obj` (the body with
-                attributes), `dsk` (SPICE), `png` (panels), or `all`.
+            formats: `parquet` (one row a cell), `geotiff` (every quantity, equirectangular and polar), `ply`, `obj` (the body
+                with attributes), `dsk` (SPICE), `png` (panels), or `all`.
             pixel_m: Side of a pixel of the GeoTIFFs [m]; None: a third of a median cell's side.
 
         Returns:

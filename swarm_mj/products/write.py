@@ -15,6 +15,7 @@ import trimesh
 
 from swarm_mj import __version__
 from swarm_mj.errors import InteropError
+from swarm_mj.figures.cell_maps import compose_panels
 from swarm_mj.figures.style import write
 from swarm_mj.flight.plan import Plan
 from swarm_mj.interop.export import chosen_formats, files_in, written_into
@@ -22,7 +23,6 @@ from swarm_mj.interop.kernels import frames, write_dsk
 from swarm_mj.interop.states import FlightStates
 from swarm_mj.io.spice import spiceypy
 from swarm_mj.products.grids import MapGrid, map_grids, rasterio
-from swarm_mj.products.panels import compose_panels
 from swarm_mj.records.cells import QUANTITIES, Quantity
 from swarm_mj.typing import Array, Ints
 

@@ -31,8 +31,8 @@ from swarm_mj.typing import Array
 
 #: Arrays of coverage.npz that a report shows.
 SHOWN = (
-    "vertices", "faces", "area", "first_seen_s", "first_seen_by_s", "first_seen_s_passage", "first_seen_by_s_passage",
-    "kept_s", "gsd_m", "incidence_deg", "why", "body_vertices", "body_faces",
+    "vertices", "faces", "area", "face_of_cell", "first_seen_s", "first_seen_by_s", "first_seen_s_passage",
+    "first_seen_by_s_passage", "kept_s", "gsd_m", "incidence_deg", "why", "body_vertices", "body_faces",
 )  # fmt: skip
 
 

@@ -33,6 +33,7 @@ from swarm_mj.records.run_record import RunRecord
 from swarm_mj.reports import COMPARISON_NAME, REPORT_NAME
 from swarm_mj.reports.compare import comparison_section
 from swarm_mj.reports.delivery import box_id, delivery_figures, delivery_section
+from swarm_mj.reports.globe import globe_figure, globe_id, globe_section
 from swarm_mj.reports.markup import Content, Html, join, table, tag
 from swarm_mj.reports.plots import INK, plot_run, plot_two
 from swarm_mj.reports.replay import Limits, Replay, f32, make_replay, packed
@@ -153,7 +154,16 @@ def _header(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
         words.append(tag("p", facts, class_="soft"))
     known = any(run.delivery is not None for run in runs)
     pushed = ("propulsion",) if any(map(has_thrusters, runs)) else ()
-    parts = ("summary", "replay", *(("delivery",) if known else ()), "spacecraft", *pushed, "design", "parameters")
+    parts = (
+        "summary",
+        "replay",
+        "map",
+        *(("delivery",) if known else ()),
+        "spacecraft",
+        *pushed,
+        "design",
+        "parameters",
+    )
     title = labels[0] if len(runs) == 1 else "Two runs side by side"
     theme = tag("button", "◐ Theme", id="theme", type="button", aria_label="Switch between light and dark")
     links = [tag("a", part.capitalize(), href=f"#{part}") for part in parts]
@@ -167,6 +177,7 @@ def _sections(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequ
     return [
         first,
         _replay_section(runs, replays, labels),
+        globe_section(runs, labels),
         delivery_section(runs, labels) or Html(""),
         spacecraft_section(runs, labels),
         propulsion_section(runs, labels) or Html(""),
@@ -281,9 +292,8 @@ def page_data(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequ
         "arrival_s": last_arrival_s(runs[0].scenario),
         "modes": modes,
         "plots": _plain(figure),
-        "ways": {
-            box_id(k, name): _plain(way) for k, run in enumerate(runs) for name, way in delivery_figures(run).items()
-        },
+        "ways": {globe_id(k): _plain(globe_figure(run)) for k, run in enumerate(runs)}
+        | {box_id(k, name): _plain(way) for k, run in enumerate(runs) for name, way in delivery_figures(run).items()},
         "runs": [_run_data(*pair) for pair in zip(runs, replays, strict=True)],
     }
 

@@ -1,4 +1,4 @@
-"""Maps of what a run tells of each cell, side by side in one picture."""
+"""What a run tells of each cell of its target in colours, and maps of all of it side by side in one picture."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import pandas as pd
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import BoundaryNorm, Colormap, LogNorm, Normalize
+from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 
 from swarm_mj.figures.maps import Ground, MapExtent, latitude_longitude, name_map, paint_values, survey, whole_body
-from swarm_mj.figures.palette import GREY, LIGHT_GREY
+from swarm_mj.figures.palette import GREY, LIGHT_GREY, ORANGE, SKY_BLUE
 from swarm_mj.figures.style import SMALL_PT, caption, new_figure
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.target import TargetRegion
@@ -23,7 +23,7 @@ from swarm_mj.typing import Array
 
 #: Columns that are shown, where the run has them, with colours; reversed where little is good.
 PANELS = {
-    "seen": "Blues",
+    "seen": "",
     "looks": "viridis",
     "observers": "viridis",
     "gsd_m": "viridis_r",
@@ -48,7 +48,7 @@ WIDE = 20.0
 
 def compose_panels(plan: Plan, cells: pd.DataFrame) -> Figure:
     """A map for each of `PANELS` and each class that was mapped, of a run's cells."""
-    names = [name for name in cells if name in PANELS or name.startswith("mapped_")]
+    names = shown_columns(cells)
     window = extent_of(plan.region)
     columns = COLUMNS if window.east - window.west > NARROW_DEG else NARROW_COLUMNS
     rows = -(-len(names) // columns)
@@ -78,22 +78,37 @@ def extent_of(region: TargetRegion) -> MapExtent:
     return MapExtent(west=float(west), east=float(east), south=float(south), north=float(north))
 
 
+def shown_columns(cells: pd.DataFrame) -> list[str]:
+    """Columns that are shown in colours."""
+    return [name for name in cells if name in PANELS or name.startswith("mapped_")]
+
+
+def title_of(name: str) -> str:
+    """A column in words, with its unit."""
+    quantity = QUANTITIES.get(name, Quantity(name.replace("_", " "), "1", ""))
+    return quantity.title if quantity.unit == "1" else f"{quantity.title} [{quantity.unit}]"
+
+
+def scale_of(name: str, column: pd.Series) -> tuple[Colormap, Normalize]:
+    """Colours of a column and the scale that chooses among them."""
+    if column.dtype == np.bool_:
+        return ListedColormap([ORANGE, SKY_BLUE]), Normalize(0.0, 1.0)
+    colours = colormaps[PANELS.get(name, "viridis")]
+    if column.dtype.kind in "iu" and np.ptp(column) < MOST_STEPS:
+        return colours, BoundaryNorm(np.arange(column.min(), column.max() + 2) - 0.5, colours.N)
+    return colours, _norm(column.to_numpy(np.float64), logarithmic=name in LOGARITHMIC)
+
+
 def _panel(figure: Figure, ax: Axes, ground: Ground, values: Array, name: str, cells: pd.DataFrame) -> None:
-    column, quantity = cells[name], QUANTITIES.get(name, Quantity(name.replace("_", " "), "1", ""))
-    unit = "" if quantity.unit == "1" else f" [{quantity.unit}]"
+    column, title = cells[name], title_of(name)
+    colours, scale = scale_of(name, column)
+    paint_values(ax, ground, values, colours, scale, LIGHT_GREY)
     if column.dtype == np.bool_:
         share = 100.0 * float(cells["area_m2"][column].sum() / cells["area_m2"].sum())
-        caption(ax, f"{quantity.title}: {percent_text(share)} of the target", size=SMALL_PT + 1)
-        paint_values(ax, ground, values, colormaps["Blues"], Normalize(-0.5, 1.0), LIGHT_GREY)
-        return
-    caption(ax, f"{quantity.title}{unit}", size=SMALL_PT + 1)
-    colours = colormaps[PANELS.get(name, "viridis")]
-    scale: Normalize = _norm(column.to_numpy(np.float64), logarithmic=name in LOGARITHMIC)
-    if column.dtype.kind in "iu":
-        edges = np.arange(column.min(), column.max() + 2) - 0.5
-        scale = BoundaryNorm(edges, colours.N) if len(edges) <= MOST_STEPS else scale
-    paint_values(ax, ground, values, colours, scale, LIGHT_GREY)
-    _bar(figure, ax, colours, scale)
+        caption(ax, f"{title}: {percent_text(share)} of the target", size=SMALL_PT + 1)
+    else:
+        caption(ax, title, size=SMALL_PT + 1)
+        _bar(figure, ax, colours, scale)
 
 
 def _norm(values: Array, *, logarithmic: bool) -> Normalize:

@@ -1,0 +1,1 @@
+"""Maps of a run, read back by other libraries."""
