@@ -21,8 +21,8 @@ from swarm_mj.reports.sections import section
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.simplify import simplify
 
-#: Most faces of the target and of the rest of the body.
-FACES = 16_000
+#: Most faces of the target, each of which has a colour and words for every quantity, and of the rest of the body.
+FACES, FACES_BESIDE = 5_000, 16_000
 HEIGHT_PX = 560
 #: Steps of a scale of colours, and of its numbers.
 STEPS, TICKS = 64, 6
@@ -49,7 +49,7 @@ def globe_figure(run: RunRecord) -> go.Figure:
     """The body with its target's cells in colours, a list to choose the quantity from, and its scale."""
     coverage, cells = run.coverage, cells_table(run.coverage, run.delivery)
     target = simplify(coverage["vertices"], coverage["faces"], FACES)
-    rest = simplify(coverage["body_vertices"], coverage["body_faces"], FACES)
+    rest = simplify(coverage["body_vertices"], coverage["body_faces"], FACES_BESIDE)
     names = shown_columns(cells)
     looks = [_look(name, cells[name].to_numpy(), cells[name], target.kept) for name in names]
     buttons = [
@@ -106,7 +106,7 @@ def _look(name: str, values: NDArray[Any], column: Any, kept: NDArray[Any]) -> d
     colours, scale = scale_of(name, column)
     shown = values[kept].astype(np.float64)
     paint = [LIGHT_GREY if np.isnan(v) else rgb2hex(c) for v, c in zip(shown, colours(scale(shown)), strict=True)]
-    words = [f"cell {k + 1}<br>{title_of(name)}: {_number(column.iloc[k])}" for k in kept.tolist()]
+    words = [f"cell {k + 1}: {_number(column.iloc[k])}" for k in kept.tolist()]
     low, high = float(scale.vmin or 0.0), float(scale.vmax or 1.0)
     steps = np.linspace(0.0, 1.0, STEPS)
     ticks = np.geomspace(low, high, TICKS) if isinstance(scale, LogNorm) else np.linspace(low, high, TICKS)
