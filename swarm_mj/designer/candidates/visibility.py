@@ -244,7 +244,6 @@ class _Sightings:
         for j, row in judge.seen([watchers[j] for j in wave], progress=partial(self.tell, before)):
             self.sees[wave[j]] = row
             self.judged[wave[j]] = True
-        self.why = judge.why.copy()
 
     def tell(self, before: int, done: float) -> None:
         """Tell how much is done: so many candidates before, and some now."""
@@ -257,6 +256,7 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | N
     watchers = [Watcher(flights, j) for _, _, flights in flown for j in range(flights.n)]
     designer = scenario.designer
     with closing(Judge(found.region, imaging_model_from(scenario), scenario.observation, workers)) as judge:
+        found.why = judge.why  # filled in as it judges
         if len(watchers) < designer.thin_from or designer.deliver_within_h is not None:
             found.judge(judge, watchers, np.arange(len(watchers)))
             return
