@@ -75,7 +75,10 @@ class Thinning:
 
 @kernel
 def count_stand_ins(reach: Words, cost: Array, sees: Words, their_cost: Array, first: Indices) -> Indices:
-    """How many of m see all that each of n could see and cost no more, shape (n,); `first` gets the first of them, -1: none."""
+    """How many of m see all that each of n could see and cost no more, shape (n,); `first` gets the first of them, -1: none.
+
+    `reach`, shape (n, words), and `sees`, shape (m, words), are packed; `cost` and `first` have shape (n,), `their_cost` (m,).
+    """
     found = np.zeros(len(reach), np.int64)
     for j in range(len(reach)):
         for i in range(len(sees)):

@@ -42,8 +42,9 @@ from swarm_mj.typing import Array, Ints, Ints32
 
 #: Bound on the argument of the wire's logarithm: keeps 0 times infinity at 0 for points on an edge.
 MIN_WIRE_GAP = 1e-300
-#: Distances r over the body's largest radius R between which the sums pass over into harmonics. Of the attraction of a mass m at
-#: R the series leaves out, over G m / r^2, at most the sum of (n + 1) (R/r)^n beyond its degree: 1.2e-13 at the first one.
+#: Distances r over the body's largest radius R between which the sums pass over into harmonics. Of the attraction of a mass
+#: at R these leave out, over that of one at the centre, at most the sum of (n + 1) (R/r)^n beyond their degree, at first
+#: 1.2e-13.
 FAR_RADII = (2.5, 3.0)
 #: Degree of the harmonics, and the sphere on which they are fitted, over the largest radius. What rounding adds there to a
 #: coefficient of degree n has fallen by 0.8^n at the first distance: there attractions agree to 4e-13, gradients to 1e-12, as
