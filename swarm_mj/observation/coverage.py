@@ -70,8 +70,8 @@ def percent_digits(percent: float) -> str:
     return f"{rounded_down(percent):.2f}"
 
 
-def missing_digits(percent: float) -> str:
-    """A share of the target [%] that is missing, rounded up to hundredths: with the rest as it is written it is all."""
+def rounded_up_digits(percent: float) -> str:
+    """A bound, or a share of the target that is missing [%], rounded up: with the rest as it is written it is all."""
     return f"{100.0 - rounded_down(100.0 - percent):.2f}"
 
 
