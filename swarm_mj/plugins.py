@@ -74,15 +74,15 @@ def file_of(name: str) -> tuple[Path, str] | None:
 
 def _in_file(path: Path, attribute: str) -> Callable[..., Any]:
     try:
-        whole = path.absolute()  # as it is named: a link may lead to a name without .py
-        status = whole.stat()
-        if not stat.S_ISREG(status.st_mode):
-            raise PluginError(f"'{path}:{attribute}': {path}: is no regular file")
-        module = _module(whole, status.st_mtime_ns)
-    except PluginError:
-        raise
+        status = path.stat()
     except OSError as error:
         raise PluginError(f"'{path}:{attribute}': {path}: cannot be read ({error.strerror})") from None
+    if not stat.S_ISREG(status.st_mode):
+        raise PluginError(f"'{path}:{attribute}': {path}: is no regular file")
+    # One file is one module however its folder is spelt; its own name stays: a link may lead to one without .py.
+    whole = path.parent.resolve() / path.name
+    try:
+        module = _module(whole, status.st_mtime_ns)
     except Exception as error:
         at = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == str(whole)]
         line = f", line {at[-1]}" if at else ""

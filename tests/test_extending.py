@@ -154,6 +154,11 @@ def test_a_campaign_flies_a_law_in_a_file_in_its_workers_and_refuses_to_go_on_wi
         ("Other = 1\nclass Another: pass\n", r"own_law.py has no class 'Damper'; it has Another"),
         ("x = 1\ny = x / 0\n", r"own_law.py, line 2: ZeroDivisionError: division by zero"),
         ("def f(:\n", r"own_law.py.*SyntaxError"),
+        ("open('/nowhere')\n", r"own_law.py, line 1: FileNotFoundError"),
+        (
+            "from swarm_mj.plugins import find\nfind('g', 'n')\n",
+            r"own_law.py, line 2: PluginError: 'n': unknown plug-in",
+        ),
         ("class Damper: pass\n", r"has no torque, which every one of them must have"),
     ],
 )
@@ -162,6 +167,17 @@ def test_what_is_wrong_with_a_file_names_file_and_class(with_files, text, words)
     law.unlink() if text is None else law.write_text(text)
     with pytest.raises(PluginError, match=words):
         sm.fly(with_files / "own.yaml", {"control.parameters": {}, "control.controller": f"{law}:Damper"})
+
+
+def test_a_file_is_one_class_however_it_is_named_and_keeps_its_name_where_it_is_a_link(with_files):
+    laws = with_files / "laws"
+    (laws / "own_law.py").rename(laws / "text")
+    (laws / "own_law.py").symlink_to("text")
+    scenario = sm.load(with_files / "own.yaml")
+    assert scenario.control.controller == f"{laws / 'own_law.py'}:Damper"
+    (with_files / "elsewhere").symlink_to(laws)
+    spelt = ("laws/own_law.py", "laws/../laws/own_law.py", "elsewhere/own_law.py", "elsewhere/../laws/own_law.py")
+    assert len({find(CONTROLLERS, f"{with_files}/{name}:Damper") for name in spelt}) == 1
 
 
 def test_a_plug_in_is_read_from_regular_files_alone(tmp_path):

@@ -20,7 +20,7 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, observe_flight
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.io.atomic import write_text
-from swarm_mj.observation.coverage import percent_digits, percent_text
+from swarm_mj.observation.coverage import percent_digits, percent_text, rounded_up_digits
 from swarm_mj.records.delivered import delivered_summary
 from swarm_mj.scenarios.constants import AU, SPEED_OF_LIGHT
 from swarm_mj.scenarios.loading import load_scenario
@@ -175,8 +175,9 @@ def _spread(values: Mapping[str, float]) -> str:
 
 def row(words: str, name: str, seen: float, summary: dict) -> str:
     """A line of the table of what arrives."""
-    parts = ", ".join(f"{part['percent']:.2f} % {part['reason']}" for part in summary["not_delivered"])
-    delivered, bound = percent_digits(summary["delivered_percent"]), f"{summary['delivered_percent_bound']:.2f}"
+    parts = ", ".join(f"{rounded_up_digits(part['percent'])} % {part['reason']}" for part in summary["not_delivered"])
+    delivered = percent_digits(summary["delivered_percent"])
+    bound = rounded_up_digits(summary["delivered_percent_bound"])
     return (
         f"| {words} | `{name}` | {percent_digits(seen)} | {delivered} | {bound} | "
         f"{hours(summary['time_to_all_data_s'])} | {hours(summary['time_to_all_data_s_bound'])} | {parts or '-'} |"

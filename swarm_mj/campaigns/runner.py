@@ -84,7 +84,7 @@ def run_campaign(
     require_place(folder, resume=resume)
     with closing(_pool(resolved, folder, workers, scheduler)) as pool, only_one(folder):
         take_over(resolved, folder, resume=resume)
-        store = Store(folder, schema_in(folder))
+        store = Store(folder, schema_in(folder), Sample(resolved.campaign).rows)
         for name in store.torn:
             stages.say(f"{folder / name} was damaged; its runs are flown again")
         if resolved.without_maps:
@@ -139,9 +139,7 @@ def _require_parquet() -> None:
 def _fly_missing(
     resolved: Resolved, store: Any, pool: Pool, bars: Progress | None, stages: Stages, going_on: str
 ) -> None:
-    total = Sample(resolved.campaign).rows
-    if store.done and max(store.done) >= total:
-        raise OutputError(f"{store.folder}: holds row {max(store.done)}; this campaign has rows 0 to {total - 1} alone")
+    total = store.rows
     missing = [row for row in range(total) if row not in store.done]
     if missing:
         if resolved.campaign.telemetry:

@@ -73,12 +73,17 @@ class JournalRow(Record):
 class Store:
     """The results of a campaign in its folder, for the one process that writes them; open it under the folder's lock.
 
+    Args:
+        folder: The campaign's folder.
+        schema: Columns, with the mark.
+        rows: How many the campaign has.
+
     Raises:
-        OutputError: The folder cannot be read or written, or holds rows of another campaign.
+        OutputError: The folder cannot be read or written, or holds rows of another campaign, or beyond its own.
     """
 
-    def __init__(self, folder: Path, schema: pa.Schema) -> None:
-        self.folder, self.schema = folder, schema
+    def __init__(self, folder: Path, schema: pa.Schema, rows: int) -> None:
+        self.folder, self.schema, self.rows = folder, schema, rows
         self.torn: list[str] = []
         with writing(self.folder, _KEPT):
             for left in folder.glob(".*.partial"):
@@ -86,6 +91,10 @@ class Store:
                     left.unlink()
             self.done = self._rows_of_results()
             self._recover()
+            if odd := [row for row in self.done if row is None or not 0 <= row < rows]:
+                raise OutputError(
+                    f"{folder}: holds row {odd[0]}; this campaign has rows 0 to {rows - 1} alone; {_FOREIGN}"
+                )
             # A link is not followed: what it names belongs to somebody else.
             flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
             self._journal = os.open(folder / JOURNAL, flags, 0o644)

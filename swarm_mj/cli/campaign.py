@@ -177,7 +177,6 @@ def _classes(arguments: argparse.Namespace) -> int:
             figures=not arguments.no_figures,
             progress=bars,
         )
-    if not arguments.quiet:
-        print(table_of_classes(compared.classes), table_by_lost(compared.classes), sep="\n")
+    print(table_of_classes(compared.classes), table_by_lost(compared.classes), sep="\n")
     print(f"{arguments.scenario}: files in {folder}")
     return 0

@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _refuse_settings_of_the_folder() -> None:
     """See that libraries find no settings in the current folder, with which they would write files and run programs."""
     for name, library in ((".numba_config.yaml", "Numba"), ("matplotlibrc", "Matplotlib")):
-        if os.path.lexists(name):
+        if os.path.lexists(name) and not os.path.isdir(name):  # folders of these names are obeyed by neither
             raise SwarmError(
                 f"{name}: {library} would obey this file of the current folder; rename it, or run elsewhere"
             )

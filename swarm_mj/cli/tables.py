@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from swarm_mj.cli.common import narrowest
-from swarm_mj.observation.coverage import missing_digits, percent_digits
+from swarm_mj.observation.coverage import percent_digits, rounded_up_digits
 from swarm_mj.records.observed import causes_text, criterion_text
 from swarm_mj.records.summary import working
 
@@ -66,9 +66,9 @@ def _delivered(summary: dict[str, Any]) -> str:
     percent = summary.get("delivered_percent")
     if percent is None:
         return "-"
-    parts = [f"{missing_digits(part['percent'])} by {part['reason']}" for part in summary["not_delivered"][:3]]
+    parts = [f"{rounded_up_digits(part['percent'])} by {part['reason']}" for part in summary["not_delivered"][:3]]
     bound = summary["delivered_percent_bound"]
-    best = f"at most {percent_digits(bound)}" if bound - percent > 0.005 else ""
+    best = f"at most {rounded_up_digits(bound)}" if bound is not None and bound - percent > 0.005 else ""
     words = [best, f"not: {', '.join(parts)}" if parts else ""]
     return "; ".join([percent_digits(percent), *filter(None, words)])
 

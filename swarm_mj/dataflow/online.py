@@ -1,5 +1,7 @@
 """What the swarm can do alone, knowing only the links that are closed now: nearest relay, most valuable first.
 
+What became of every bit is told by an `Account`: aboard, on Earth or lost, and why.
+
 In each slot a spacecraft that is no relay sends to the next on its way to the nearest relay: the way over links that are
 closed now on which a bit takes the least time. Relays send to Earth. All send the tiles of most area per bit first. Data are
 stored and forwarded; a receiver takes no more than it has room for.

@@ -391,8 +391,8 @@ class DeadlineSearch:
 
     def _excluded(self, points: Ints) -> bool:
         """Whether a cut excludes a design: HiGHS had no time for a better one, or kept it within its accuracy only."""
-        arrivals = np.bincount(points - 1, minlength=self.problem.n_points)
-        return any(cut.factor @ arrivals < cut.least - 1e-6 for cut in self.cuts)
+        visits = np.bincount(points - 1, minlength=self.problem.n_points)
+        return any(cut.factor @ visits < cut.least - 1e-6 for cut in self.cuts)
 
     def _cut(self, points: Ints) -> None:
         """Exclude a late design, and what is late for the same reason."""

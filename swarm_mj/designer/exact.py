@@ -28,6 +28,7 @@ from swarm_mj.designer.problem import CoverProblem, Words, is_subset, pack
 from swarm_mj.designer.repair import repair_designs
 from swarm_mj.errors import MissionError
 from swarm_mj.io import highs
+from swarm_mj.observation.coverage import rounded_up_digits
 from swarm_mj.typing import Array, Ints, Mask
 
 #: HiGHS accepts constraints violated by this much; the tolerance is loosened by it so that no true design is lost.
@@ -283,8 +284,9 @@ def _too_few(problem: CoverProblem, least: str, time_limit_s: float | None) -> s
     most = solve_budget(problem, problem.max_observers, time_limit_s)
     times = "" if problem.fold == 1 else f" {problem.fold} times"
     return (
-        f"max_observers = {problem.max_observers} is too small: so many spacecraft see at most {most.bound:.2f} % of the "
-        f"target's area{times}; {least} are needed for {100.0 - problem.tolerance_percent:g} %"
+        f"max_observers = {problem.max_observers} is too small: so many spacecraft see at most "
+        f"{rounded_up_digits(most.bound)} % of the target's area{times}; {least} are needed for "
+        f"{100.0 - problem.tolerance_percent:g} %"
     )
 
 

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pymoo.algorithms.moo.nsga2 import NSGA2, binary_tournament
 from pymoo.core.callback import Callback
+from pymoo.core.mutation import Mutation
 from pymoo.core.problem import Problem
 from pymoo.core.repair import Repair
 from pymoo.operators.crossover.ux import UX
@@ -22,7 +23,7 @@ from pymoo.operators.selection.tournament import TournamentSelection
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
 from swarm_mj.compilation import kernel
-from swarm_mj.designer.genetic import ForgetMutation, GeneMapProblem, RandomGeneMaps, breeding
+from swarm_mj.designer.genetic import GeneMapProblem, RandomGeneMaps, breeding
 from swarm_mj.designer.problem import CoverProblem, gene_map
 from swarm_mj.designer.repair import refill_designs
 from swarm_mj.typing import Array, Ints, Mask
@@ -64,7 +65,7 @@ def pareto_front(
 
     Args:
         problem: What to cover; its tolerance plays no part, `max_observers` limits N_obs.
-        delta_v: Delta-v of an arrival to each point [m/s or any unit], not negative, shape (n_points,).
+        delta_v: Delta-v of a visit to each point [m/s or any unit], not negative, shape (n_points,).
         known: Designs to start from besides random ones, each a list of points from 1; the proven answers of `exact` for
             each N_obs make the extremes of the front exact.
         population: Designs per generation.
@@ -78,7 +79,7 @@ def pareto_front(
     archive = _Archive(problem.max_observers)
     sampling = _KnownAndRandom([gene_map(points, problem.max_observers) for points in known])
     selection, repair = TournamentSelection(func_comp=binary_tournament), _CheapRefill(problem, delta_v)
-    algorithm = breeding(NSGA2, population, sampling, selection, UX(prob=0.9), _ForgetOrResize(), repair)
+    algorithm = breeding(NSGA2, population, sampling, selection, UX(prob=0.9), _ForgetOrResize(prob=1.0), repair)
     stop = MaximumGenerationTermination(generations + 1)
     algorithm.setup(_TradeProblem(problem, delta_v), termination=stop, callback=archive, seed=seed)
     algorithm.run()
@@ -141,7 +142,7 @@ class _KnownAndRandom(RandomGeneMaps):
         return genes
 
 
-class _ForgetOrResize(ForgetMutation):
+class _ForgetOrResize(Mutation):
     """Forget points, to be named anew at random or, by repeating a point, left to the refill; fly one more or fewer."""
 
     def _do(self, problem: Problem, X: Ints, *args: Any, random_state: Any, **kwargs: Any) -> Ints:  # noqa: N803

@@ -15,6 +15,7 @@ Areas are integer weights, so that sums are exact and do not depend on their ord
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.compilation import kernel
 from swarm_mj.errors import MissionError
-from swarm_mj.observation.coverage import WORDS, shares
+from swarm_mj.observation.coverage import WORDS, percent_digits, shares
 from swarm_mj.typing import Array, Ints, Mask
 
 Words = NDArray[np.uint64]
@@ -189,7 +190,12 @@ class CoverProblem:
     @property
     def slack(self) -> int:
         """Largest weight that may stay uncovered; a design exactly at the tolerance, up to rounding, is inside it."""
-        return int(self.tolerance_percent / 100.0 * AREA_UNITS) + self.n_faces // 2 + 1
+        return int(self.tolerance_percent / 100.0 * AREA_UNITS) + self.round_off
+
+    @property
+    def round_off(self) -> int:
+        """By how much the weights of all faces may be off together."""
+        return self.n_faces // 2 + 1
 
     @cached_property
     def rows(self) -> Words:
@@ -250,7 +256,7 @@ class CoverProblem:
             MissionError: It would not; the message says how much can be seen and what would make it feasible.
         """
         if not self.can_be_covered:
-            raise MissionError(_uncoverable(self, self.percent(int(self.weights[self.coverable].sum()))))
+            raise MissionError(_uncoverable(self, int(self.weights[self.coverable].sum())))
 
 
 def gene_map(points: Sequence[int] | Ints, max_observers: int) -> Ints:
@@ -265,17 +271,18 @@ def gene_map(points: Sequence[int] | Ints, max_observers: int) -> Ints:
     return np.concatenate([[len(ordered)], np.resize(ordered, max_observers)])
 
 
-def _uncoverable(problem: CoverProblem, best: float) -> str:
+def _uncoverable(problem: CoverProblem, best: int) -> str:
     unseen = int((~problem.coverable).sum())
     times = "" if problem.fold == 1 else f" {problem.fold} times"
-    missing = np.ceil((100.0 - best) * 100.0) / 100.0
+    missing = math.ceil(1e4 * (problem.total_weight - best - problem.round_off) / AREA_UNITS) / 100.0
     remedies = (
         f"allow a tolerance of at least {missing:.2f} %" if missing < 100.0 else "",
         "add visiting points",
         "ask for a lower fold" if problem.fold > 1 else "",
     )
     return (
-        f"the target cannot be covered: visiting all {problem.n_points} points sees {abs(best):.2f} % of its area{times}, "
+        f"the target cannot be covered: visiting all {problem.n_points} points sees "
+        f"{percent_digits(problem.percent(best))} % of its area{times}, "
         f"{100.0 - problem.tolerance_percent:g} % is asked for, {unseen} of {problem.n_faces} faces fall short"
         f"{_causes(problem)}; {', or '.join(filter(None, remedies))}"
     )

@@ -36,7 +36,7 @@ from swarm_mj.figures.units import DataUnit, TimeAxis, data_unit, instant, note_
 from swarm_mj.figures.view import triangles
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.observation.coverage import missing_digits, percent_text
+from swarm_mj.observation.coverage import percent_text, rounded_up_digits
 from swarm_mj.typing import Array, Indices, Mask
 
 #: Instants at which the area is drawn.
@@ -166,7 +166,7 @@ def compose_delivered_map(plan: Plan, telemetry: xr.Dataset, result: Observation
     handles = [*_draw_arrivals(figure, ax, plan, delivery), *_draw_missing(ax, plan, delivery)]
     unseen = _percent(plan, delivery.tile_of_cell < 0)
     if unseen >= LEAST_PERCENT:
-        handles.append(Patch(facecolor=LIGHT_GREY, label=f"not seen: {missing_digits(unseen)} %"))
+        handles.append(Patch(facecolor=LIGHT_GREY, label=f"not seen: {rounded_up_digits(unseen)} %"))
     caption(ax, _outcome(result, delivery, plan.region.total_area, time_axis(delivery.full_s), best=False))
     if handles:
         legend_below(figure, handles)
@@ -207,7 +207,7 @@ def _draw_missing(ax: Axes, plan: Plan, delivery: Delivery) -> list[Patch]:
         style = area_style(REASON_STYLES[reason])
         ax.add_collection(triangles(corners[cells], zorder=1.1, **style))
         handles.append(
-            Patch(**style, label=f"seen, not delivered ({reason}): {missing_digits(_percent(plan, cells))} %")
+            Patch(**style, label=f"seen, not delivered ({reason}): {rounded_up_digits(_percent(plan, cells))} %")
         )
     return handles
 

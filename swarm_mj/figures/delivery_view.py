@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from swarm_mj.dataflow.delivery import REASONS, STORAGE, TIME, Delivery
 from swarm_mj.figures.palette import BLUE, SKY_BLUE
 from swarm_mj.mission.links import Obstacle
+from swarm_mj.observation.coverage import ROUND_OFF
 from swarm_mj.typing import Array, Ints, Mask
 
 #: Beside the values of `Obstacle`: contact with others, none of whom speaks to Earth.
@@ -18,8 +19,8 @@ OTHERS = 7
 MOST_TO_EARTH = 6
 #: How much longer than until the last arrival pictures show, as a share of the time from the first picture to it.
 MARGIN = 0.06
-#: What is written as nothing is left out of the legend of a map [%].
-LEAST_PERCENT = 1e-8
+#: Errors of a sum of areas are no missing ground [%].
+LEAST_PERCENT = 0.01 * ROUND_OFF
 
 
 class AreaStyle(NamedTuple):

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swarm_mj.io import workers
-from swarm_mj.io.atomic import FIGURES
 from swarm_mj.io.machine import usable_cores
 
 if TYPE_CHECKING:
@@ -45,6 +44,8 @@ PRELOADED = ("swarm_mj.figures.preloaded",)
 
 def figures_of(telemetry: xr.Dataset) -> tuple[str, ...]:
     """Stems of the figures that are drawn of a flight, in their order: those that would have nothing to show are not."""
+    from swarm_mj.io.atomic import FIGURES
+
     return tuple(name for name in FIGURES["run"] if name not in OPTIONAL or OPTIONAL[name](telemetry))
 
 

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.plan import Plan
-from swarm_mj.mission.corrections import Legs, inverse, plan_legs, transitions
+from swarm_mj.mission.corrections import Legs, inverse_transition, plan_legs, transitions
 from swarm_mj.mission.covariance import FlightErrors, Spread, spread
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_propulsion import Thrusters
@@ -238,5 +238,5 @@ def _effect_of_pushes(legs: Legs, environment: Environment, j: int) -> CubicSpli
     """Phi_rv(arrival, t) of one spacecraft from its first correction to its arrival, (3, 3) [s] as a function of t [s]."""
     times = np.linspace(legs.times[j, 1], legs.times[j, -1], GRID)
     flown = transitions(environment.acceleration_N, legs.r_N[j : j + 1, 1], legs.v_N[j : j + 1, 1], times)
-    to_arrival = flown.phi[-1, 0] @ inverse(flown.phi[:, 0], times[-1] - times[0])
+    to_arrival = flown.phi[-1, 0] @ inverse_transition(flown.phi[:, 0], times[-1] - times[0])
     return CubicSpline(times, to_arrival[:, :3, 3:])

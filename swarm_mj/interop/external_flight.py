@@ -17,7 +17,7 @@ import xarray as xr
 
 from swarm_mj.errors import InteropError
 from swarm_mj.flight.environment import environment_from, load_body_shape
-from swarm_mj.flight.observe import arrival_sample
+from swarm_mj.flight.observe import arrival_samples
 from swarm_mj.flight.targets import target_from, true_target
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.camera import look_at
@@ -261,10 +261,12 @@ def _check_outside(flight: ForeignFlight, path: Track, r_A: Array, known: Mask) 
 
 
 def _check_arrival(flight: ForeignFlight, paths: Sequence[Track]) -> None:
-    k = arrival_sample(flight.scenario)
-    if not flight.telemetry["camera_on"].values[k].any():
+    """Somebody takes the one picture that counts: each its own, at its own arrival."""
+    k = arrival_samples(flight.scenario)[: flight.n]
+    if not flight.telemetry["camera_on"].values[k, np.arange(flight.n)].any():
+        instants = ", ".join(text_of(int(ns)) for ns in np.unique(flight.ns[k]))
         raise InteropError(
-            f"observation.criterion = arrival: at the arrival, {text_of(int(flight.ns[k]))} TDB, none of "
+            f"observation.criterion = arrival: at the arrival, {instants} TDB, none of "
             f"{', '.join(path.source for path in paths)} is known or in the imaging region; set design.time_of_flight_s, or "
             "observation.criterion=passage"
         )

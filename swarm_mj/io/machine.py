@@ -29,6 +29,11 @@ def usable_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def usable_threads() -> int:
+    """Threads that may work at once in this process: as many as Numba is told of, see `ONE_THREAD`; else one per core."""
+    return int(os.environ.get("NUMBA_NUM_THREADS") or usable_cores())
+
+
 def check_workers(workers: int | None) -> None:
     """See that a number of processes that was asked for is one; None: as many as there are cores.
 

@@ -72,14 +72,12 @@ def furnished(kernels: Sequence[str | Path], key: str, error: type[SwarmError] =
         spice.kclear()
         try:
             # All are looked at before one is opened for good: what a meta-kernel names, SPICE opens whatever it is.
-            waiting, seen = [(f"{key} =", str(kernel)) for kernel in reversed(kernels)], set[str]()
+            waiting, seen = [(str(kernel), "") for kernel in reversed(kernels)], set[str]()
             while waiting:
-                who, name = waiting.pop()
+                name, named_by = waiting.pop()
                 if name not in seen:
                     seen.add(name)
-                    waiting += [
-                        (f"{key} = {one_line(name)} names", named) for named in _named_in(spice, name, who, error)
-                    ]
+                    waiting += [(named, name) for named in _named_in(spice, name, key, named_by, error)]
             for kernel in kernels:
                 with spice_errors(f"{key} = {one_line(kernel)}", _WHOLE, error):
                     spice.furnsh(str(kernel))
@@ -91,18 +89,20 @@ def furnished(kernels: Sequence[str | Path], key: str, error: type[SwarmError] =
                 spice.furnsh(kernel)
 
 
-def _named_in(spice: Any, name: str, who: str, error: type[SwarmError]) -> list[str]:
-    """Files that a kernel names to be loaded with it; none but for meta-kernels. `who`: what named the kernel, for messages.
+def _named_in(spice: Any, name: str, key: str, named_by: str, error: type[SwarmError]) -> list[str]:
+    """Files that a kernel names to be loaded with it; none but for meta-kernels.
+
+    `key`, and `named_by`, the meta-kernel that named it, if one did: for messages.
 
     Raises:
         SwarmError: As `error`: it is missing, no kernel or too large.
     """
-    what, kernel = f"{who} {one_line(name)}", Path(name)
-    remedy = "give the path of a SPICE kernel"
-    if who.endswith(" names"):
-        remedy = (
-            "what a meta-kernel names is looked for from the current folder: run in its folder, or set its PATH_VALUES"
-        )
+    what, kernel = f"{key} = {f'{one_line(named_by)} names ' if named_by else ''}{one_line(name)}", Path(name)
+    remedy = (
+        "what a meta-kernel names is looked for from the current folder: run in its folder, or set its PATH_VALUES"
+        if named_by
+        else "give the path of a SPICE kernel"
+    )
     with reading(what, remedy, error):
         require_file(kernel, MAX_BINARY_BYTES)
         with kernel.open("rb") as file:

@@ -18,8 +18,8 @@ from swarm_mj.errors import ScenarioError
 MAX_DEPTH = 20
 #: Values of a scenario altogether: room for 100,000 visiting points.
 MAX_VALUES = 200_000
-#: Whole numbers of this size and more fit no machine integer.
-MAX_INTEGER = 2**63
+#: Whole numbers of this size and more fit no machine integer; of still larger numbers squares and ratios would overflow.
+TOO_LARGE = 2**63
 #: Larger integers are described in messages, not written [bits].
 MAX_SHOWN_BITS = 10_000
 #: A key is a word.
@@ -34,13 +34,14 @@ def check_data(
     source: str = "",
     *,
     most: int = MAX_VALUES,
+    too_large: float = TOO_LARGE,
     what: str = "scenario",
     refusal: type[Exception] = ScenarioError,
 ) -> None:
     """Make sure that data of a file, an override or a caller is made of plain values and of believable size.
 
     Errors begin with the `source`, its origin, or if that is empty with the key. `most`: values that it may hold altogether.
-    `what`: it should be, for errors.
+    `too_large`: what every number that is not whole stays below. `what`: it should be, for errors.
 
     Raises:
         Exception: As `refusal`: it is too deep (or contains itself), too large, or holds a value that no file should.
@@ -58,7 +59,7 @@ def check_data(
         if isinstance(value, Mapping | list | tuple):
             waiting.extend((name, inner, depth + 1) for name, inner in _inside(key, value, source, refusal))
             continue
-        wrong = _what_is_wrong(value)
+        wrong = _what_is_wrong(value, too_large)
         if wrong:
             raise refusal(_begun(source, f"{key} = {shown(value)}: {wrong}", between=":\n  "))
 
@@ -81,16 +82,17 @@ def _begun(source: str, words: str, *, between: str = ": ") -> str:
     return f"{source}{between}{words}" if source else words
 
 
-def _what_is_wrong(value: Any) -> str:
+def _what_is_wrong(value: Any, too_large: float) -> str:
     if value is None or isinstance(value, bool | date | BaseModel):
         return ""
     if isinstance(value, str):
         odd = next((c for c in value if c not in _LAYOUT and unicodedata.category(c) in {"Cc", "Cs"}), None)
         return f"must not hold the character {odd!r}" if odd else ""
     if isinstance(value, Integral):
-        return "" if abs(int(value)) < MAX_INTEGER else f"must be less than {MAX_INTEGER} (2^63) in size"
+        return "" if abs(int(value)) < TOO_LARGE else f"must be less than {TOO_LARGE} (2^63) in size"
     if isinstance(value, Real):
-        return "" if math.isfinite(value) else "must be a finite number"
+        limit = f"must be less than {too_large:g} in size" if math.isfinite(value) else "must be a finite number"
+        return "" if abs(float(value)) < too_large else limit
     return f"must be text, a number, a list or a mapping, not {type(value).__name__}"
 
 

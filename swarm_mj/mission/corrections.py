@@ -1,4 +1,4 @@
-"""Trajectory correction manoeuvres: velocity changes that bring a spacecraft back to its visiting point at the planned time.
+"""Trajectory correction manoeuvres back to a visiting point at the planned time, and the state transition matrices they take.
 
 Fixed time of arrival: at a correction at t_c the change of velocity is
 
@@ -104,7 +104,7 @@ def _smallest(span: float) -> Array:
     return tolerance
 
 
-def inverse(phi: Array, span: float) -> Array:
+def inverse_transition(phi: Array, span: float) -> Array:
     """Inverse of state transition matrices, shape (..., 6, 6).
 
     Args:
@@ -187,6 +187,6 @@ def plan_legs(acceleration: AccelerationN, r0_N: Array, v0_N: Array, times: Arra
     for _, group in groups(*times.T):
         flown = transitions(acceleration, r0_N[group], v0_N[group], times[group[0]])
         r_N[group], v_N[group] = flown.r_N.swapaxes(0, 1), flown.v_N.swapaxes(0, 1)
-        back = inverse(flown.phi[:-1], flown.times[-1] - flown.times[0])
+        back = inverse_transition(flown.phi[:-1], flown.times[-1] - flown.times[0])
         phi[group] = (flown.phi[1:] @ back).swapaxes(0, 1)
     return Legs(times=times, r_N=r_N, v_N=v_N, phi=phi)

@@ -1,4 +1,4 @@
-"""Linear covariance: how errors of release, navigation and burns spread through corrections to the arrival.
+"""How errors of release, navigation and burns spread through corrections to the arrival: linear covariance, and Monte Carlo.
 
 A spacecraft that knows its state with an error e burns `gain @ (x + e)`, and the burn itself errs in size and direction. To
 first order the covariance of the state then follows without flying (Geller 2006, JGCD 29, 1404); the errors of burns are
@@ -8,8 +8,8 @@ What lengths normally distributed vectors have: with x = C^(1/2) z and z standar
 and its direction u are independent, the square of the length is chi-squared distributed and directions are uniform; quadrature
 goes over these.
 
-It is checked against many dispersed flights under the full forces (`fly_dispersed`) with impulsive corrections: the forces are
-not linearised, only the law that asks for corrections is.
+Monte Carlo flies many dispersed flights under the full forces (`fly_dispersed`) with impulsive corrections: the forces are not
+linearised, only the law that asks for corrections is. Linear covariance is checked against that.
 """
 
 from __future__ import annotations
@@ -96,13 +96,19 @@ def spread(legs: Legs, errors: FlightErrors) -> Spread:
 
 
 def burn_covariance(wished: Array, errors: FlightErrors) -> Array:
-    """Covariance that errors add to burns of some second moments, shape (..., 3, 3) [m^2/s^2]; exact for `burnt`."""
+    """Covariance of what a burn adds by its errors, shape (..., 3, 3) [m^2/s^2]; exact for `burnt`.
+
+    `wished` are the burns' second moments, of the same shape; of the errors `magnitude` and `pointing` count.
+    """
     across = np.trace(wished, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - wished
     return errors.magnitude**2 * wished + errors.pointing**2 * across
 
 
 def burnt(wished: Array, errors: FlightErrors, rng: np.random.Generator) -> Array:
-    """Burns as they come out, shape (..., 3) [m/s]: too long or short by a share, turned by a small angle; four draws each."""
+    """Burns as they come out, shape (..., 3) [m/s]: too long or short by a share, and turned by a small angle.
+
+    `wished` has the same shape; of the errors `magnitude` and `pointing` count; four numbers are drawn for each burn.
+    """
     drawn = rng.standard_normal((*wished.shape[:-1], 4))
     turned = np.cross(errors.pointing * drawn[..., 1:], wished)
     return (1.0 + errors.magnitude * drawn[..., :1]) * wished + turned

@@ -32,7 +32,7 @@ class TimedBurn(NamedTuple):
 
 
 def propellant_for(speed: float, mass: float, exhaust_speed: float) -> float:
-    """Propellant that a change of velocity [m/s] takes from some mass on, by the rocket equation [kg]."""
+    """Propellant [kg] that a change of velocity [m/s] takes from a mass [kg] on at an exhaust speed [m/s]: rocket equation."""
     return float(-mass * np.expm1(-speed / exhaust_speed))
 
 
@@ -42,7 +42,10 @@ def lasts(push: Push, speed: float, mass: float) -> float:
 
 
 def timed_burns(burns: Sequence[PlannedBurn], push: Push, mass: Array) -> list[list[TimedBurn]]:
-    """When each spacecraft burns, of some mass at the start, shape (n,) [kg]; in order of time, burns of nothing left out."""
+    """When each spacecraft flies the planned `burns` by `push`, in order of time; burns of nothing are left out.
+
+    `mass` is that at the start, shape (n,) [kg]; each burn leaves less for the next.
+    """
     left = np.array(mass, float)
     found: list[list[TimedBurn]] = [[] for _ in left]
     for burn in sorted(burns, key=lambda burn: burn.t):

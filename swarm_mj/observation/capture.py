@@ -140,7 +140,10 @@ def pictures(
 
 
 def camera_poses(r_BN_N: Array, C_BN: Array, C_AN: Array) -> tuple[Array, Array]:
-    """Positions in A [m], shape (n, 3), and rotations C_CA, shape (n, 3, 3), of cameras by those of spacecraft in N."""
+    """Positions in A [m], shape (n, 3), and rotations C_CA from A to the camera frames, shape (n, 3, 3), of n cameras.
+
+    From the spacecraft's positions [m], shape (n, 3), their `C_BN`, shape (n, 3, 3), for a camera's frame is B, and `C_AN`.
+    """
     C_CA = np.empty(C_BN.shape)
     relative_dcm(C_BN.transpose(1, 2, 0), C_AN, C_CA.transpose(1, 2, 0))
     return np.column_stack(times(C_AN, r_BN_N.T)), C_CA
@@ -228,7 +231,7 @@ def sight(region: TargetRegion, r_A: Array, cells: Any = slice(None)) -> tuple[A
 
 
 def incidence(region: TargetRegion, sun_A: ArrayLike) -> Array:
-    """Angle between each cell's normal and the direction to the Sun in A, of any length, shape (3,) [rad], shape (n,).
+    """Angle between each cell's normal and the Sun [rad], shape (n,); `sun_A` points to it, of any length, shape (3,).
 
     Raises:
         MissionError: The direction is not three finite numbers, or zero.
@@ -283,9 +286,12 @@ def lit_cells(observer: Observer, criterion: Observation, sun_A: ArrayLike) -> M
 
 
 def visible_share(observer: Observer, r_A: ArrayLike, C_CA: ArrayLike, *, whole: bool) -> Array:
-    """Visible share of every cell in a picture, shape (n,), see `Observer.visible_fraction`.
+    """Visible share of every cell in a picture, shape (n,), from `r_A` [m], shape (3,), turned by `C_CA`, shape (3, 3).
 
-    Where only `whole` cells count (`Observation.whole`), geometry decides, and others have a share of 0.
+    Where only `whole` cells count (`Observation.whole`), geometry decides, and others have a share of 0; else the observer.
+
+    Raises:
+        MissionError: The pose is impossible.
     """
     if not whole:
         return observer.visible_fraction(r_A, C_CA)

@@ -51,7 +51,7 @@ WORDS = {
 
 
 def shares(area: Array, why: NDArray[np.int8]) -> dict[Cause, float]:
-    """Shares of the target that are not observed [%] by cause, the largest first, of cells' areas and `Cause`, shape (n,)."""
+    """Shares of the target that are not observed [%] by cause, the largest first; of cells' `area` [m^2] and `Cause`, (n,)."""
     share = 100.0 / area.sum() * np.bincount(why, area, len(Cause))
     found = sorted((cause for cause in WORDS if share[cause] > 0.0), key=lambda cause: -share[cause])
     return {cause: float(share[cause]) for cause in found}
@@ -70,8 +70,8 @@ def percent_digits(percent: float) -> str:
     return f"{rounded_down(percent):.2f}"
 
 
-def missing_digits(percent: float) -> str:
-    """A share of the target [%] that is missing, rounded up to hundredths: with the rest as it is written it is all."""
+def rounded_up_digits(percent: float) -> str:
+    """A bound, or a share of the target that is missing [%], rounded up: with the rest as it is written it is all."""
     return f"{100.0 - rounded_down(100.0 - percent):.2f}"
 
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from swarm_mj.errors import ObserverError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
-from swarm_mj.observation.gl_context import OpenGlFaces
+from swarm_mj.observation.gl_faces import OpenGlFaces
 from swarm_mj.observation.projection import WHOLE_PICTURE, PictureWindow, project
 from swarm_mj.observation.raster import CompiledFaces, box_pixels, count_pixels
 from swarm_mj.observation.raycast import MeshObserver, faces_camera, sampled_fraction

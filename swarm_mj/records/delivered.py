@@ -16,7 +16,7 @@ from swarm_mj.flight.downlink import MOST_SPACECRAFT, PROOF_S
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.links import Obstacle
-from swarm_mj.observation.coverage import missing_digits
+from swarm_mj.observation.coverage import rounded_up_digits
 from swarm_mj.records.rounding import by_name, rounded, spread
 from swarm_mj.scenarios.constants import DAY, SPEED_OF_LIGHT
 from swarm_mj.smallbody.ephemeris import julian_date
@@ -102,7 +102,7 @@ def _lost_after(plan: Plan, delivery: Delivery) -> Iterator[tuple[int, float]]:
 def undelivered_findings(summary: dict[str, Any]) -> list[str]:
     """One sentence for each part of the map that was seen and does not arrive."""
     lost = [
-        f"{missing_digits(part['percent'])} % of the target is seen and not delivered ({_listed(part['spacecraft'])}): "
+        f"{rounded_up_digits(part['percent'])} % of the target is seen and not delivered ({_listed(part['spacecraft'])}): "
         f"{part['reason']}; {part['remedy']}"
         for part in summary.get("not_delivered", ())
     ]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.observation.coverage import WORDS, Cause, shares
+from swarm_mj.observation.coverage import WORDS, Cause, rounded_up_digits, shares
 from swarm_mj.records.rounding import rounded
 from swarm_mj.typing import Array
 
@@ -41,13 +41,15 @@ def not_observed(area: Array, why: NDArray[np.int8]) -> list[dict[str, Any]]:
 
 def causes_text(summary: dict[str, Any]) -> str:
     """What was not observed, in one line: shares and their causes; empty where all was."""
-    return ", ".join(f"{part['percent']:.3g} % {part['cause']}" for part in summary.get("not_observed", ()))
+    return ", ".join(
+        f"{rounded_up_digits(part['percent'])} % {part['cause']}" for part in summary.get("not_observed", ())
+    )
 
 
 def observed_findings(summary: dict[str, Any]) -> list[str]:
     """One sentence for each part of the target that was not observed, and what the headline leaves out."""
     found = [
-        f"{part['percent']:.3g} % of the target is not observed: {part['cause']}; {part['remedy']}"
+        f"{rounded_up_digits(part['percent'])} % of the target is not observed: {part['cause']}; {part['remedy']}"
         for part in summary.get("not_observed", ())
     ]
     if summary.get("light") == "ignored":

@@ -20,6 +20,7 @@ from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.palette import GROUND, SEEN, SEEN_BORDER, UNSEEN_BORDER
+from swarm_mj.spacecraft.template import HUB, TEMPLATE, compile_spec, read_spec
 from swarm_mj.typing import Array, Indices, Ints, Ints32, Mask
 
 #: Width of a border, on each side of an edge, over the side of a square as large as a mean face.
@@ -281,10 +282,10 @@ def _normals(plan: Plan) -> Array:
 
 def _add_spacecraft(spec: mujoco.MjSpec, name: str, plan: Plan, magnification: float) -> None:
     """A mocap body with the geoms of the CubeSat's hub, magnified, and its camera at true place."""
-    part = mujoco.MjModel.from_xml_path(str(asset_path("mjcf/cubesat.xml")))
+    part = compile_spec(read_spec(asset_path(TEMPLATE)))
     stretch = np.array(plan.properties.size) / (2.0 * part.geom("bus").size)
     body = spec.worldbody.add_body(name=name, mocap=True)
-    for k in np.flatnonzero(part.geom_bodyid == part.body("cubesat").id):
+    for k in np.flatnonzero(part.geom_bodyid == part.body(HUB).id):
         if plan.n > MAX_DETAILED and k != part.geom("bus").id:
             continue
         colour = part.mat_rgba[part.geom_matid[k]]

@@ -31,7 +31,7 @@ from swarm_mj.figures.palette import GREY, LIGHT_GREY, SKY_BLUE, SPACECRAFT, VER
 from swarm_mj.figures.units import TimeAxis, data_unit, instant, note_of_omission, shown_spacecraft, time_axis
 from swarm_mj.mission.links import Obstacle
 from swarm_mj.mission.target import angles, local_axes
-from swarm_mj.observation.coverage import CoverageMap, missing_digits, percent_text
+from swarm_mj.observation.coverage import CoverageMap, percent_text, rounded_up_digits
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.reports.markup import Content, Html, table, tag
 from swarm_mj.reports.plots import INK, marker, name_rows
@@ -101,7 +101,7 @@ def outcome(run: RunRecord, delivery: Delivery) -> str:
             words += f"; no schedule of the same slots has it there before t = {_time(float(delivery.best_full_s))}"
         words += ". "
     if summary.get("delivered_percent_bound") is not None:
-        words += f"No schedule delivers more than {percent_text(summary['delivered_percent_bound'])}. "
+        words += f"No schedule delivers more than {rounded_up_digits(summary['delivered_percent_bound'])} %. "
     unit, left, lost = data_unit(delivery.seen_bit), delivery.aboard_bit[-1].sum(), delivery.lost_bit[-1].sum()
     amounts = {
         "seen": delivery.seen_bit,
@@ -121,7 +121,7 @@ def _time(t: float) -> str:
 
 def _undelivered_table(run: RunRecord) -> Html | None:
     parts = run.summary.get("not_delivered", ())
-    rows = [(p["reason"], missing_digits(p["percent"]), ", ".join(p["spacecraft"]), p["remedy"]) for p in parts]
+    rows = [(p["reason"], rounded_up_digits(p["percent"]), ", ".join(p["spacecraft"]), p["remedy"]) for p in parts]
     head = ("reason", "of the target [%]", "seen by", "remedy")
     return table(head, rows, caption="Seen and not delivered") if rows else None
 
@@ -265,11 +265,11 @@ def map_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
     for cells, words, colour in _classes(times, there):
         _cells(figure, corners[cells], words, AreaStyle(words, colour, ""))
     for reason, cells in cells_by_reason(delivery).items():
-        words = f"not delivered ({reason}): {missing_digits(_percent(area, cells))} %"
+        words = f"not delivered ({reason}): {rounded_up_digits(_percent(area, cells))} %"
         _cells(figure, corners[cells], words, REASON_STYLES[reason])
     unseen = delivery.tile_of_cell < 0
     if _percent(area, unseen) >= LEAST_PERCENT:
-        words = f"not seen: {missing_digits(_percent(area, unseen))} %"
+        words = f"not seen: {rounded_up_digits(_percent(area, unseen))} %"
         _cells(figure, corners[unseen], words, AreaStyle("", LIGHT_GREY, ""))
     east = {"text": "east longitude [deg]" if several else "angle east of the target's centre [deg]", "standoff": 4}
     bare, north = {"showgrid": False, "zeroline": False}, "latitude [deg]" if several else "north [deg]"

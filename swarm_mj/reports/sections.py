@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from swarm_mj.figures.palette import MODE_STYLES
 from swarm_mj.figures.units import instant, time_axis
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.observation.coverage import percent_digits, percent_text, rounded_down
+from swarm_mj.observation.coverage import percent_digits, percent_text, rounded_up_digits
 from swarm_mj.records.findings import findings, proof_differences
 from swarm_mj.records.modes import runs
 from swarm_mj.records.observed import causes_text
@@ -69,7 +69,7 @@ def _delivered(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     percent, full = summary.get("delivered_percent"), summary.get("time_to_all_data_s")
     if percent is None:
         return []
-    missing = f"{rounded_down(summary['coverage_percent']) - rounded_down(percent):.2f} % stays out there"
+    missing = f"{rounded_up_digits(summary['coverage_percent'] - percent)} % stays out there"
     cards = [("delivered to Earth", percent_text(percent), missing if full is None else "all that was seen")]
     if full is not None:
         name = "all that was seen on Earth" if summary.get("time_to_full_map_s") is None else "map complete on Earth"

@@ -225,7 +225,7 @@ def _section(data: dict[str, Any], path: str) -> dict[str, Any]:
 
 def _resolved(name: str, folder: Path) -> str:
     path = folder / name
-    return str(path.resolve()) if os.path.isfile(path) else name
+    return str(path.parent.resolve() / path.name) if os.path.isfile(path) else name
 
 
 def design_section(reference: str) -> dict[str, Any]:

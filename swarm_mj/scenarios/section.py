@@ -13,8 +13,6 @@ from swarm_mj.io.values import shown
 #: Of a position [m], up to some 7 au: two days before a fast flyby a mothership is 1e9 m away.
 Component = Annotated[float, Field(ge=-1e12, le=1e12)]
 Vector3 = Annotated[tuple[Component, Component, Component], Field(description="three components")]
-#: No number of a scenario is larger; of such ones squares and ratios would overflow.
-LARGEST = 1e18
 #: How a plug-in of the user's own is named.
 YOUR_OWN = "your own: its name, or FILE.py:CLASS relative to the scenario's file"
 #: Arguments of a plug-in by name.
@@ -47,9 +45,6 @@ class Section(BaseModel):
     def _kinds_are_kept(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
         """Refuse text and true or false in the place of a number, and the other way round, which pydantic would convert."""
         section = handler(data)
-        for name in cls.model_fields:
-            if isinstance(value := getattr(section, name), float) and abs(value) > LARGEST:
-                raise ValueError(f"{cls.model_fields[name].alias or name} = {value:g}: must be at most {LARGEST:g}")
         for name, field in cls.model_fields.items() if isinstance(data, Mapping) else ():
             if (key := field.alias or name) in data and (odd := _changed(data[key], getattr(section, name))):
                 given, kind = odd

@@ -122,7 +122,11 @@ def _on_axes(axes: Array, along: Array) -> Any:
 
 @jittable
 def _turn(q: Any, omega: Any, h: Any, u: Any, tau_N: Any, J: Any, inverse: Any, dt: float) -> Any:
-    """One timestep of the attitude q_BN and the body rate in B; h and u in B as above, J a tuple of rows and its inverse."""
+    """One timestep dt [s] of the attitude q_BN and the body rate omega in B [rad/s].
+
+    In B are h, the momentum of the wheels at the start [kg m^2/s], u, its rate, the torque on them [N m], and the inertia J
+    [kg m^2], a tuple of rows, with its inverse; tau_N is the torque applied, in N [N m].
+    """
     half = 0.5 * dt
     rate1 = omega
     slope1 = _acceleration(omega, h, combine(-1.0, u, 1.0, _in_body(q, omega, 0.0, tau_N)), J, inverse)

@@ -1,4 +1,4 @@
-"""Where the Sun and the Earth stand, and how the asteroid is turned, at any epoch.
+"""Heliocentric orbits from their elements: where Sun and Earth stand, and how the asteroid is turned, at any epoch.
 
 Orbits are Keplerian, in axes parallel to ecliptic J2000, and positions geometric: light-time and aberration (up to 0.01 deg
 each) are neglected. Dates are TDB; no leap seconds are involved (UTC is 69 s behind in 2018, 1.3 deg of Eros's rotation).

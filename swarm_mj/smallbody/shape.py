@@ -72,8 +72,8 @@ class ShapeModel:
     @cached_property
     def vertex_reach(self) -> float:
         """How far the surface can lie from its nearest vertex [m]: at most the longest edge over the square root of 3."""
-        edges = self.vertices[self.faces] - self.vertices[np.roll(self.faces, 1, axis=1)]
-        return float(np.linalg.norm(edges, axis=2).max() / np.sqrt(3.0))
+        start, end = self.vertices[self.edges].swapaxes(0, 1)
+        return float(np.linalg.norm(end - start, axis=1).max() / np.sqrt(3.0))
 
     @cached_property
     def surface_area(self) -> float:

@@ -75,7 +75,7 @@ def build_shape(body: str = "eros", frequency: int = FREQUENCY) -> ShapeModel:
 
 
 def build_ellipsoid(semi_axes_m: tuple[float, float, float], name: str, frequency: int = FREQUENCY) -> ShapeModel:
-    """Build the mesh of an ellipsoid, its vertices on it, with semi-axes along x, y and z of A; see `build_shape`."""
+    """Build the mesh of an ellipsoid, its vertices on it, of semi-axes along x, y and z of A [m]; see `build_shape`."""
     directions, faces = geodesic_icosahedron(frequency)
     return check_shape(np.round(directions * np.array(semi_axes_m), DECIMALS) + 0.0, faces, name)
 

@@ -1,11 +1,8 @@
-"""Elements of a MuJoCo model by kind and name, and where MuJoCo warns."""
+"""Elements of a MuJoCo model by kind and name."""
 
 from __future__ import annotations
 
 import mujoco
-
-#: The log file that MuJoCo writes into the current folder unless told otherwise.
-DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
 _OBJECTS = {
     "body": mujoco.mjtObj.mjOBJ_BODY,
@@ -27,14 +24,6 @@ _SIZES = {
     int(mujoco.mjtJoint.mjJNT_SLIDE): (1, 1),
     int(mujoco.mjtJoint.mjJNT_HINGE): (1, 1),
 }
-
-
-def keep_warnings_off_disk() -> None:
-    """Let MuJoCo warn on the console alone, unless somebody named a log file: it would write MUJOCO_LOG.TXT where one is."""
-    log = mujoco.MjLogConfig.get()
-    if log.logto_file and log.logfile == DEFAULT_LOG:
-        log.logto_file = False
-        log.set()
 
 
 def id_of(model: mujoco.MjModel, kind: str, name: str) -> int:

@@ -16,11 +16,11 @@ import numpy as np
 from swarm_mj.errors import MissionError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.spacecraft.elements import keep_warnings_off_disk, title_of
+from swarm_mj.spacecraft.elements import title_of
 from swarm_mj.spacecraft.layout import Layout, resolve_layout, spacecraft_names
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-from swarm_mj.spacecraft.template import HUB, compile_spec, make_template, strip, wheel_names
+from swarm_mj.spacecraft.template import HUB, compile_spec, make_template, read_spec, strip, wheel_names
 from swarm_mj.typing import Array, Ints
 
 #: qpos and qvel of a free joint.
@@ -176,8 +176,7 @@ def scene(shape: ShapeModel, timestep: float, sun_N: Array) -> mujoco.MjSpec:
         timestep: Integration step [s].
         sun_N: Direction to the Sun in N, shape (3,).
     """
-    keep_warnings_off_disk()
-    spec = mujoco.MjSpec.from_file(str(asset_path("mjcf/scene.xml")))
+    spec = read_spec(asset_path("mjcf/scene.xml"))
     spec.option.timestep = timestep
     spec.stat.extent = max(1.0, 1.13 * shape.max_radius)
     mesh = spec.mesh("asteroid")

@@ -23,11 +23,12 @@ import numpy as np
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.io.records import one_line
 from swarm_mj.spacecraft.elastic import Mode, modes_of
-from swarm_mj.spacecraft.elements import id_of, joint_kind, joints_of, keep_warnings_off_disk, name_of, title_of
+from swarm_mj.spacecraft.elements import id_of, joint_kind, joints_of, name_of, title_of
 from swarm_mj.spacecraft.measurement import Measured, measure, motor_faults, torque_range
 from swarm_mj.spacecraft.model_limits import check_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.spacecraft.sensors import Sensor, sensors_of
+from swarm_mj.spacecraft.template import read_spec
 from swarm_mj.spacecraft.thrusters import ThrusterAllocation, read_nozzles
 from swarm_mj.typing import Array
 
@@ -127,8 +128,7 @@ def load_part(path: Path) -> mujoco.MjSpec:
     """
     try:
         check_model(path)
-        keep_warnings_off_disk()
-        part = mujoco.MjSpec.from_file(str(path))
+        part = read_spec(path)
     except (OSError, ValueError) as error:
         raise ScenarioError(f"spacecraft.mjcf = {path}: MuJoCo cannot read it: {one_line(error)}") from None
     _name_the_nameless(part)

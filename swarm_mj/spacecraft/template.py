@@ -6,6 +6,8 @@ A person may open the file in MuJoCo's viewer. Once changed, it flies as a space
 from __future__ import annotations
 
 from hashlib import sha256
+from importlib.resources.abc import Traversable
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -20,6 +22,8 @@ from swarm_mj.typing import Array
 TEMPLATE, HUB, WHEELS = "mjcf/cubesat.xml", "cubesat", ("wheel_x", "wheel_y", "wheel_z")
 #: SHA-256 of the file as it is shipped; whoever maintains it puts the new one here.
 SHIPPED = "691fa1ac4d330fa943a8d65d210909d9a35ab9fe6e64b04be53bb2da4bb0fa49"
+#: The log file that MuJoCo writes into the current folder unless told otherwise.
+DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
 
 def wheel_names(properties: SpacecraftProperties) -> tuple[str, ...]:
@@ -55,6 +59,19 @@ def make_template(properties: SpacecraftProperties, timestep: float, camera_half
     return part
 
 
+def read_spec(path: Path | Traversable) -> mujoco.MjSpec:
+    """Read a file of MJCF, which MuJoCo may warn of on the console alone, unless somebody named a log file.
+
+    Raises:
+        ValueError: MuJoCo cannot read it.
+    """
+    log = mujoco.MjLogConfig.get()
+    if log.logto_file and log.logfile == DEFAULT_LOG:
+        log.logto_file = False
+        log.set()
+    return mujoco.MjSpec.from_file(str(path))
+
+
 def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Compile, and say in our words what MuJoCo cannot build.
 
@@ -68,7 +85,7 @@ def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def _cubesat(properties: SpacecraftProperties, timestep: float, camera_half_angle_deg: float) -> mujoco.MjSpec:
-    spec = mujoco.MjSpec.from_file(str(asset_path(TEMPLATE)))
+    spec = read_spec(asset_path(TEMPLATE))
     spec.option.timestep = timestep  # attaching warns when parent and child differ
     hub = spec.body(HUB)
     hub.mass, hub.inertia = properties.hub_mass, properties.hub_inertia.tolist()

@@ -166,7 +166,7 @@ def test_a_changed_campaign_is_not_resumed(reference, command, tmp_path):
     ):
         status, errors = command(*arguments, "--out", out, "--resume")
         assert status == 2 and words in errors, errors
-    store = Store(out, schema_in(out))
+    store = Store(out, schema_in(out), 10_000)
     store.add({**read_results(out).to_pylist()[0], "row": 9999})
     store.close()
     status, errors = command(path, "--runs", 2, "--out", out, "--resume")

@@ -1,5 +1,7 @@
 """The comparison of swarm classes: the same encounters for all, and numbers that follow from the rows by hand."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -16,6 +18,7 @@ from swarm_mj.campaigns.classes import (
 from swarm_mj.campaigns.flying import Flyer
 from swarm_mj.campaigns.loading import resolve
 from swarm_mj.campaigns.sampling import Sample
+from swarm_mj.cli.main import main
 from swarm_mj.designer.robust_points import most_shown
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
@@ -126,6 +129,13 @@ def test_results_are_the_means_of_the_rows():
         [three]
     )
     assert "| 3 | 79.0 | 59.0 | 19.0 |" in table_by_lost([three, four])
+
+
+def test_without_bars_the_tables_are_shown_all_the_same(monkeypatch, capsys, tmp_path):
+    compared = SimpleNamespace(classes=class_results(rows()))
+    monkeypatch.setattr("swarm_mj.api.campaign.compare_classes", lambda *_, **__: compared)
+    assert main(["compare-classes", "eros-observe", "--quiet", "--out", str(tmp_path)]) == 0
+    assert table_by_lost(compared.classes) in capsys.readouterr().out
 
 
 def test_a_class_that_never_flew_is_told():

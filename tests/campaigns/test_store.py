@@ -13,7 +13,17 @@ import pytest
 
 from swarm_mj.campaigns.config import Campaign
 from swarm_mj.campaigns.manifest import MANIFEST
-from swarm_mj.campaigns.store import JOURNAL, RESULTS, Store, _line, read_journal, read_results, schema_in, schema_of
+from swarm_mj.campaigns.store import (
+    JOURNAL,
+    RESULTS,
+    Store,
+    _line,
+    read_journal,
+    read_results,
+    schema_in,
+    schema_of,
+    table_of,
+)
 from swarm_mj.errors import OutputError
 
 pytestmark = pytest.mark.robust
@@ -25,6 +35,7 @@ CAMPAIGN = Campaign(
     record=("coverage_percent",),
 )
 SCHEMA = schema_of(CAMPAIGN)
+ROWS = 100_000
 
 
 def row(number, **values):
@@ -39,7 +50,7 @@ def begun(folder, campaign=CAMPAIGN):
 
 
 def filled(folder, numbers, schema=SCHEMA):
-    store = Store(folder, schema)
+    store = Store(folder, schema, ROWS)
     for number in numbers:
         store.add(row(number))
     return store
@@ -71,7 +82,7 @@ def test_rows_that_stand_in_the_journal_alone_are_read_by_anybody(tmp_path):
 
 def test_a_store_that_was_never_closed_is_taken_over_whole(tmp_path):
     filled(tmp_path, range(5))
-    store = Store(tmp_path, SCHEMA)
+    store = Store(tmp_path, SCHEMA, ROWS)
     assert store.done == set(range(5)) and store.torn == []
     assert numbers(tmp_path) == list(range(5))
 
@@ -80,7 +91,7 @@ def test_compaction_gives_one_sorted_file_and_a_second_one_changes_nothing(tmp_p
     filled(tmp_path, [4, 0, 3, 1]).compact()
     assert read_journal(tmp_path / JOURNAL, SCHEMA) == ([], 0)
     first = (tmp_path / RESULTS).read_bytes()
-    again = Store(tmp_path, SCHEMA)
+    again = Store(tmp_path, SCHEMA, ROWS)
     again.compact()
     assert (tmp_path / RESULTS).read_bytes() == first
     again.add(row(2))
@@ -92,7 +103,7 @@ def test_what_is_empty_at_the_end_is_removed_and_what_holds_rows_stays(tmp_path)
     store = filled(tmp_path, [0, 1])
     store.close()
     assert {p.name for p in tmp_path.iterdir()} == {JOURNAL} and numbers(tmp_path) == [0, 1]
-    store = Store(tmp_path, SCHEMA)
+    store = Store(tmp_path, SCHEMA, ROWS)
     store.compact()
     store.close()
     assert {p.name for p in tmp_path.iterdir()} == {RESULTS} and numbers(tmp_path) == [0, 1]
@@ -111,7 +122,7 @@ def test_a_crash_between_compaction_and_clearing_doubles_nothing(tmp_path):
     store.compact()
     (tmp_path / JOURNAL).write_bytes(journal)
     assert numbers(tmp_path) == [0, 1]
-    assert Store(tmp_path, SCHEMA).done == {0, 1}
+    assert Store(tmp_path, SCHEMA, ROWS).done == {0, 1}
     assert numbers(tmp_path) == [0, 1]
 
 
@@ -120,7 +131,7 @@ def test_a_torn_last_line_of_the_journal_costs_only_its_own_row(tmp_path, cut):
     filled(tmp_path, [0, 1, 2])
     with (tmp_path / JOURNAL).open("rb+") as file:
         file.truncate(os.path.getsize(file.name) - cut)
-    store = Store(tmp_path, SCHEMA)
+    store = Store(tmp_path, SCHEMA, ROWS)
     assert store.done == {0, 1} and len(store.torn) == 1
     store.add(row(2))
     store.compact()
@@ -132,7 +143,7 @@ def test_a_flipped_bit_in_the_journal_costs_only_its_own_row(tmp_path):
     lines = (tmp_path / JOURNAL).read_bytes().splitlines(keepends=True)
     lines[1] = lines[1].replace(b"0.25", b"0.75")
     (tmp_path / JOURNAL).write_bytes(b"".join(lines))
-    assert Store(tmp_path, SCHEMA).done == {0, 2}
+    assert Store(tmp_path, SCHEMA, ROWS).done == {0, 2}
 
 
 @pytest.mark.parametrize(
@@ -144,7 +155,7 @@ def test_a_line_that_is_whole_and_no_row_of_a_campaign_is_flown_again(tmp_path, 
         file.write(_line(row(1, **values), SCHEMA))
         file.write(_line({"row": 2}, SCHEMA))
     assert read_journal(tmp_path / JOURNAL, SCHEMA) == ([row(0)], 2)
-    assert Store(tmp_path, SCHEMA).done == {0}
+    assert Store(tmp_path, SCHEMA, ROWS).done == {0}
 
 
 @pytest.mark.parametrize("damage", ["cut", "emptied", "flipped", "replaced"])
@@ -161,7 +172,7 @@ def test_a_torn_file_is_set_aside_and_its_rows_are_missing(tmp_path, damage):
     file.write_bytes({"cut": bytes(data[:-40]), "emptied": b"", "flipped": bytes(data), "replaced": b"hello"}[damage])
     with pytest.raises(OutputError, match="torn"):
         read_results(tmp_path, SCHEMA)
-    store = Store(tmp_path, SCHEMA)
+    store = Store(tmp_path, SCHEMA, ROWS)
     assert store.done == set(range(20, 40)) and store.torn == [RESULTS]
     assert file.with_name(f"{RESULTS}.torn").exists()
 
@@ -178,10 +189,22 @@ def test_whole_rows_of_another_campaign_are_refused_by_name(tmp_path, compacted)
     ours = b"" if compacted else _line(row(0), schema)
     (folder / name).write_bytes(ours + (other / name).read_bytes())
     words = r"results\.parquet: its 2 rows are" if compacted else r"journal\.jsonl: line 2 is"
-    for read in (Store, read_results):
+    for read in (lambda *of: Store(*of, ROWS), read_results):
         with pytest.raises(OutputError, match=rf"{words} of another campaign; move it elsewhere, or .*--out"):
             read(folder, schema)
     assert (folder / name).read_bytes() == ours + (other / name).read_bytes()
+
+
+@pytest.mark.parametrize("odd", [3, -1, None])
+def test_rows_that_a_campaign_does_not_have_are_refused_and_left_where_they_are(tmp_path, odd):
+    pq.write_table(table_of([row(2), {**row(0), "row": odd}], SCHEMA), tmp_path / RESULTS)
+    before = (tmp_path / RESULTS).read_bytes()
+    with pytest.raises(OutputError, match=f"holds row {odd}; this campaign has rows 0 to 2 alone; move it elsewhere"):
+        Store(tmp_path, SCHEMA, 3)
+    assert [path.name for path in tmp_path.iterdir()] == [RESULTS]
+    assert (tmp_path / RESULTS).read_bytes() == before
+    if odd == 3:
+        assert Store(tmp_path, SCHEMA, 4).done == {2, 3}
 
 
 @pytest.mark.parametrize("name", [JOURNAL, RESULTS])
@@ -209,7 +232,7 @@ def test_a_journal_that_is_a_link_is_not_written_through(tmp_path):
 def test_what_a_killed_writer_left_half_written_is_cleared(tmp_path):
     filled(tmp_path, [0])
     (tmp_path / ".results.parquet.partial").write_bytes(b"half")
-    assert Store(tmp_path, SCHEMA).done == {0}
+    assert Store(tmp_path, SCHEMA, ROWS).done == {0}
     assert not [p for p in tmp_path.rglob("*.partial")]
 
 
@@ -217,12 +240,12 @@ FILL = """
 import resource, signal, sys
 from pathlib import Path
 sys.path.insert(0, {tests!r})
-from test_store import SCHEMA, row
+from test_store import ROWS, SCHEMA, row
 from swarm_mj.campaigns.store import Store
 from swarm_mj.errors import OutputError
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 {limit}
-store, added = Store(Path({folder!r}), SCHEMA), 0
+store, added = Store(Path({folder!r}), SCHEMA, ROWS), 0
 try:
     for number in range(100_000):
         store.add(row(number, events=["x" * 100]))
@@ -246,7 +269,7 @@ def fill(folder, limit=""):
 def test_a_file_that_may_not_grow_stops_the_campaign_with_every_added_row_kept(tmp_path):
     added, words = fill(tmp_path, f"resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, {resource.RLIM_INFINITY}))")
     assert "go on with --resume" in words and added > 20
-    store = Store(tmp_path, SCHEMA)
+    store = Store(tmp_path, SCHEMA, ROWS)
     assert store.done >= set(range(added)) and store.torn == []
 
 
@@ -261,7 +284,7 @@ def test_a_full_disk_stops_the_campaign_with_every_added_row_kept(tmp_path):
         assert "No space left on device" in words and added > 20
         roomy = tmp_path / "roomy"
         shutil.copytree(disk, roomy)
-        store = Store(roomy, SCHEMA)
+        store = Store(roomy, SCHEMA, ROWS)
         assert store.done >= set(range(added)) and store.torn == []
     finally:
         subprocess.run(["umount", disk], check=True)
@@ -305,6 +328,6 @@ def test_more_rows_than_memory_should_hold_are_refused_before_they_are_read(tmp_
 def test_a_file_that_unpacks_to_too_much_is_set_aside_and_its_runs_are_flown_again(tmp_path):
     columns, _ = bombs()["20 GB of text"]
     pq.write_table(pa.table(columns), tmp_path / RESULTS, store_schema=False)
-    store = Store(tmp_path, SCHEMA)
+    store = Store(tmp_path, SCHEMA, ROWS)
     assert store.torn == [RESULTS] and store.done == set()
     store.close()

@@ -265,7 +265,7 @@ def test_a_missing_scenario_and_an_unwritable_folder_are_clear_errors(tmp_path, 
 
 
 def test_help_and_import_load_no_heavy_module():
-    heavy = "print({'numpy', 'mujoco', 'numba'} & set(sys.modules) or [])"
+    heavy = "print({'numpy', 'mujoco', 'numba', 'pydantic'} & set(sys.modules) or [])"
     code = f"import sys, swarm_mj.cli.main as command_line; command_line._parser(); {heavy}"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
 

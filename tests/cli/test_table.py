@@ -36,6 +36,12 @@ def test_sensors_are_named_where_the_pointing_error_stands_with_what_they_know()
     assert cell({"sensors": "cubesat", "attitude_knowledge_error_deg_arrival": known}) == "cubesat; 0.0171"
 
 
+def test_a_bound_on_what_is_delivered_is_rounded_up_and_left_out_where_none_is_proven():
+    cell = _ROWS["of the target delivered to Earth [%]"]
+    told = {"delivered_percent": 90.0, "delivered_percent_bound": 97.3192, "not_delivered": []}
+    assert cell(told) == "90.00; at most 97.32" and cell({**told, "delivered_percent_bound": None}) == "90.00"
+
+
 def printed(tables, width, terminal):
     console = Console(file=StringIO(), width=width, force_terminal=terminal, color_system=None)
     for table in tables(console) if callable(tables) else tables:

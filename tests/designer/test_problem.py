@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 
@@ -112,6 +114,18 @@ def test_an_uncoverable_target_says_how_much_can_be_seen_and_what_would_do():
     CoverProblem(sees=sees, area=problem.area, tolerance_percent=25.0).require_coverable()
     with pytest.raises(MissionError, match=r"sees 0\.00 %.*3 of 3 faces fall short; add visiting points$"):
         CoverProblem(sees=np.zeros_like(sees), area=problem.area).require_coverable()
+
+
+@pytest.mark.parametrize("missing", [0.2, 0.07, 1.1, 0.0004, 100.0 / 3.0, 99.99])
+def test_the_tolerance_that_is_told_is_the_least_in_hundredths_that_is_accepted(missing):
+    sees, area = np.array([[True] * 3 + [False]]), np.array([50.0, 30.0, 20.0 - missing, missing])
+    area[:3] *= (100.0 - missing) / area[:3].sum()
+    with pytest.raises(MissionError) as refused:
+        CoverProblem(sees=sees, area=area, tolerance_percent=0.0).require_coverable()
+    seen, told = map(float, re.search(r"sees (\S+) %.*tolerance of at least (\S+) %", str(refused.value)).groups())
+    CoverProblem(sees=sees, area=area, tolerance_percent=told).require_coverable()
+    assert not CoverProblem(sees=sees, area=area, tolerance_percent=max(told - 0.01, 0.0)).can_be_covered
+    assert seen + told == pytest.approx(100.0)
 
 
 def test_of_designs_that_miss_too_much_the_one_that_misses_less_is_fitter(make_discs, rng):

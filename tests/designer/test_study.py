@@ -9,9 +9,10 @@ import pytest
 
 from swarm_mj.cli.main import main
 from swarm_mj.cli.tables import design_table
+from swarm_mj.designer.candidates.visibility import flight_variants
 from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.problem import CoverProblem
-from swarm_mj.designer.study import extensions, study_design
+from swarm_mj.designer.study import extensions, growth, study_design
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
@@ -280,8 +281,30 @@ def test_what_is_asked_beyond_the_paper_goes_with_the_scenario():
     """For Eros what the page on the reproduction has; on another body its own altitudes and times."""
     eros, bennu = extensions(load_scenario("eros-config1")), extensions(load_scenario("bennu-slow"))
     assert eros["altitude free among 10, 14 and 18 km"] == {"designer.altitudes_m": [10e3, 14e3, 18e3]}
-    assert eros["time of flight free among 480, 600 and 720 s"] == {"designer.times_of_flight_s": [480.0, 600.0, 720.0]}
-    assert eros["a second target at 0 N, 60 E, 15 deg"]["designer.extra_targets"][0]["longitude_deg"] == 60.0
+    assert eros["time of flight free among 480, 600 and 720 s"]["designer.times_of_flight_s"] == [480.0, 600.0, 720.0]
+    assert eros["one more target at 0 N, 60 E, 15 deg"]["designer.extra_targets"][0]["longitude_deg"] == 60.0
     altitudes = next(v for k, v in bennu.items() if "altitude" in k)["designer.altitudes_m"]
     assert load_scenario("bennu-slow").design.imaging_altitude_m in altitudes and max(altitudes) < 3e3
     assert "every face seen by 4" in extensions(load_scenario("eros-config1", {"designer.fold": 2}))
+
+
+def test_what_is_asked_beyond_the_paper_fits_every_scenario_and_is_more_than_it_asks_already():
+    """A flight that ends soon after the arrival, a target near the edge of the map, another target, low sun excluded."""
+    given = {"latitude_deg": 0.0, "longitude_deg": 60.0, "half_angle_deg": 5.0}
+    asked = {"duration_s": 650, "target.longitude_deg": -350, "designer.extra_targets": [given],
+             "designer.releases_s": [0, 50], "observation.max_incidence_deg": 60}  # fmt: skip
+    scenario = load_scenario("eros-quick", asked)
+    grown = {change: load_scenario(scenario, overrides) for change, overrides in extensions(scenario).items()}
+    assert all(flight_variants(chosen) for chosen in grown.values())
+    assert grown["time of flight free among 480, 600 and 720 s"].duration_s == 770.0
+    first, second = grown["one more target at 0 N, -20 E, 15 deg"].designer.extra_targets
+    assert (first.longitude_deg, second.longitude_deg) == (60.0, -20.0)
+    assert grown["incidence of sunlight at most 60 deg"].observation.max_incidence_deg == 60.0
+
+
+def test_a_demand_that_no_scenario_can_have_is_a_row_that_says_why(monkeypatch):
+    impossible = {"too short": {"duration_s": 1.0}, "too low": {"designer.altitudes_m": [-5.0]}}
+    monkeypatch.setattr("swarm_mj.designer.study.extensions", lambda scenario: impossible)
+    rows = growth(load_scenario("eros-quick"))
+    assert [row.n_observers for row in rows] == [None, None]
+    assert "duration_s" in rows[0].note and "imaging_altitude_m" in rows[1].note

@@ -194,6 +194,13 @@ def test_no_kernel_is_left_in_the_pool_and_the_callers_come_back(exported, monke
         assert not spiceypy.expool("BODY2000433_POLE_RA")
 
 
+def test_a_file_that_a_meta_kernel_names_is_missed_in_its_name(tmp_path):
+    (tmp_path / "meta.tm").write_text("KPL/MK\n\\begindata\nKERNELS_TO_LOAD = ('absent.tpc')\n")
+    words = "^kernels = .*meta.tm names absent.tpc: .*is looked for from the current folder"
+    with pytest.raises(InteropError, match=words), furnished([tmp_path / "meta.tm"], "kernels"):
+        pass
+
+
 @pytest.mark.parametrize(
     "name", ["x" * 1000, "21 Lutetia, seen from far away", "1234567 (2019 AB) provisional", "ß" * 40, "-"]
 )

@@ -98,12 +98,18 @@ def test_for_a_body_alone_the_files_tell_when(messages, flown):
     assert "SC1, SC2 past 433 Eros" in repr(seen)
 
 
-def test_what_lies_outside_a_files_time_is_no_picture_and_is_said(messages, flown, tmp_path):
-    path = tmp_path / "half.oem"
+def part_of(messages, path, samples):
+    """The file of the first spacecraft's path, with some of its samples alone."""
     head, data = files(messages, "oem")[0].read_text().split("META_STOP\n\n")
-    rows = data.strip().splitlines()[:61]
-    head = re.sub("STOP_TIME = .*", f"STOP_TIME = {rows[-1].split()[0]}", head)
+    rows = data.strip().splitlines()[samples]
+    for key, row in (("START_TIME", rows[0]), ("STOP_TIME", rows[-1])):
+        head = re.sub(f"\n{key} = .*", f"\n{key} = {row.split()[0]}", head)
     path.write_text(f"{head}META_STOP\n\n" + "\n".join(rows) + "\n")
+    return path
+
+
+def test_what_lies_outside_a_files_time_is_no_picture_and_is_said(messages, flown, tmp_path):
+    path = part_of(messages, tmp_path / "half.oem", slice(61))
     aem = files(messages, "aem", ["sc1"])
     seen = sm.observe(path, aem, scenario=flown.scenario)
     assert seen.result.images == 6  # at 0, 60, ... 300 s; the arrival is at 600 s
@@ -116,6 +122,20 @@ def test_what_lies_outside_a_files_time_is_no_picture_and_is_said(messages, flow
         InteropError, match="half.oem: covers 2018-01-01T03:15.* and nothing of the flight, 2019-.*; set epoch"
     ):
         sm.observe(path, aem, scenario=flown.scenario, overrides={"epoch": "2019-01-01T00:00:00"})
+
+
+@pytest.mark.parametrize(("samples", "arrives_s"), [(slice(61), 300), (slice(61, None), 200)])
+def test_who_flew_elsewhere_is_to_be_known_at_its_own_arrival(messages, flown, tmp_path, samples, arrives_s):
+    """The second one, of which no file is given, arrives at 600 s; the first one is known until 300 s or from 305 s on."""
+    path, aem = part_of(messages, tmp_path / "part.oem", samples), files(messages, "aem", ["sc1"])
+    observers = [{"time_of_flight_s": arrives_s}, {}]
+    asked = {"observation.criterion": "arrival", "design.observers": observers}
+    if arrives_s == 300:
+        seen = sm.observe(path, aem, scenario=flown.scenario, overrides=asked).coverage
+        assert seen.percent > 0.0 and np.nanmax(seen.first_seen_by_s) == 300.0
+    else:
+        with pytest.raises(InteropError, match="at the arrival, 2018-01-01T03:18:20.000 TDB, none of .*part.oem"):
+            sm.observe(path, aem, scenario=flown.scenario, overrides=asked)
 
 
 def test_files_that_do_not_belong_together_are_refused(messages, flown, tmp_path):

@@ -9,7 +9,7 @@ from swarm_mj.errors import MissionError
 from swarm_mj.mission.target import automatic_cell_size, build_target
 from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.capture import observe
-from swarm_mj.observation.coverage import CoverageMap, KeptPictures, Shown, missing_digits, percent_text
+from swarm_mj.observation.coverage import CoverageMap, KeptPictures, Shown, percent_text, rounded_up_digits
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.observation.raycast import RayCastObserver
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
@@ -196,7 +196,9 @@ def test_a_cell_is_kept_by_its_finest_picture_and_of_equals_by_the_one_nearest_t
 
 
 def test_what_is_written_as_observed_and_as_missing_adds_up_to_all():
-    written = [(percent_text(share), missing_digits(100.0 - share)) for share in (97.3176, 7.7081, 100.0 - 1e-12, 0.0)]
+    written = [
+        (percent_text(share), rounded_up_digits(100.0 - share)) for share in (97.3176, 7.7081, 100.0 - 1e-12, 0.0)
+    ]
     assert written == [("97.31 %", "2.69"), ("7.70 %", "92.30"), ("100.00 %", "0.00"), ("0.00 %", "100.00")]
 
 

@@ -18,6 +18,7 @@ from swarm_mj.records.findings import (
     summary_findings,
 )
 from swarm_mj.records.modes import held_s
+from swarm_mj.records.observed import causes_text, observed_findings
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides, scenario_from
 
 SWEEP = ["behavior={name: target_sweep, parameters: {surface_radius_m: 7000, dwell_s: 50}}", "duration_s=1000"]
@@ -149,3 +150,12 @@ def test_an_observer_that_is_told_a_direction_takes_no_pictures_and_that_is_said
     assert remark.startswith("1 of 2 observers took no picture at 30 of 122 due") and "answer SURFACE" in remark
     telemetry["mode"].values[:] = TargetKind.ASTEROID
     assert direction_findings(run) == []
+
+
+def test_what_is_not_observed_is_rounded_up_so_that_with_what_is_observed_it_is_all():
+    parts = [
+        {"cause": "dark", "percent": 2.6824, "remedy": "wait"},
+        {"cause": "hidden", "percent": 1.2e-5, "remedy": "wait"},
+    ]
+    assert causes_text({"not_observed": parts}) == "2.69 % dark, 0.01 % hidden"
+    assert [told.split(" of")[0] for told in observed_findings({"not_observed": parts})] == ["2.69 %", "0.01 %"]

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.observation.coverage import missing_digits, percent_text
+from swarm_mj.observation.coverage import percent_text, rounded_up_digits
 from swarm_mj.records.delivered import delivered_summary
 from swarm_mj.records.run_record import observation_of, read_run
-from swarm_mj.reports.delivery import CLASSES, delivery_figures, delivery_section
+from swarm_mj.reports.delivery import CLASSES, delivery_figures, delivery_section, outcome
 from swarm_mj.reports.page import report_html
+from swarm_mj.reports.sections import summary_section
 from tests.records.deliveries import with_delivery
 
 
@@ -45,9 +46,16 @@ def test_what_is_seen_and_not_delivered_stands_in_a_table_with_reason_and_remedy
     text = str(delivery_section([partly], ["quick"]))
     assert 30.0 < part["percent"] < 70.0
     row = text.split("<tbody>")[1].split("</tbody>")[0]
-    for words in ("beam", missing_digits(part["percent"]), "sc1", part["remedy"]):
+    for words in ("beam", rounded_up_digits(part["percent"]), "sc1", part["remedy"]):
         assert words in row
     assert f"{partly.summary['delivered_percent']:.2f}" in text and "no schedule has it there" not in text
+
+
+def test_bounds_and_what_is_missing_are_rounded_up(partly):
+    told = {"coverage_percent": 97.3192, "delivered_percent": 97.3144, "delivered_percent_bound": 97.3192}
+    run = replace(partly, summary={**partly.summary, **told, "time_to_all_data_s": None})
+    assert "No schedule delivers more than 97.32\N{NO-BREAK SPACE}%" in outcome(run, partly.delivery)
+    assert "0.01 % stays out there" in str(summary_section(run))
 
 
 def test_plots_show_every_contact_transfer_and_arrival(partly):

@@ -34,6 +34,9 @@ def test_no_settings_of_the_current_folder_are_obeyed(tmp_path, name):
     done = subprocess.run([program, "available"], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 2 and done.stderr.startswith(f"swarm-mj: error: {name}: ")
     assert not (tmp_path / "trace").exists()
+    (tmp_path / name).unlink()
+    (tmp_path / name).mkdir()  # which is obeyed by neither
+    assert subprocess.run([program, "available"], cwd=tmp_path, capture_output=True).returncode == 0
 
 
 def test_what_mujoco_cannot_draw_with_is_refused_by_name(tmp_path):

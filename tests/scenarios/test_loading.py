@@ -9,6 +9,9 @@ import yaml
 
 from swarm_mj.cli.main import main
 from swarm_mj.errors import ScenarioError
+from swarm_mj.io.records import record_from
+from swarm_mj.scenarios.bodies import packaged_files
+from swarm_mj.scenarios.design_record import MadeFor
 from swarm_mj.scenarios.loading import (
     design_record,
     design_section,
@@ -19,6 +22,7 @@ from swarm_mj.scenarios.loading import (
     scenario_from,
 )
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_imaging import Observation
 
 
 def test_all_packaged_scenarios_load_and_are_named_like_their_file():
@@ -345,3 +349,41 @@ def test_a_copy_with_a_key_that_is_none_is_refused_with_what_serves(key):
     assert "\n" not in str(told.value)
     narrow = scenario.camera.model_copy(update={"half_angle_deg": 3.0})
     assert scenario.model_copy(update={"camera": narrow}).camera.half_angle_deg == 3.0
+
+
+def test_a_packaged_design_says_its_criterion_by_the_keys_of_today():
+    for reference in packaged_files("designs", ".json"):
+        assert design_record(reference)["criterion"].keys() == Observation.model_fields.keys()
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("duration_s", 1e19),
+        ("body.gravity.parameters.gm", 1e300),
+        ("control.parameters.stiffness", -1e200),
+        ("designer.altitudes_m", [5e3, 1e19]),
+        ("behavior.parameters.a.b", [[{"c": 1e19}]]),
+        ("faults", [{"kind": "wheel_lost", "between_s": [0.0, 1e30]}]),
+    ],
+)
+def test_a_number_whose_square_could_overflow_is_refused_by_its_key_however_deep_it_stands(key, value):
+    name = {"behavior.parameters.a.b": "behavior.parameters.a.b.c", "faults": "faults.between_s"}.get(key, key)
+    for told in (lambda: load_scenario("eros-quick", {key: value}), lambda: load_scenario(nested(key, value))):
+        with pytest.raises(ScenarioError, match=r"= -?1e\+\d+: must be less than 9.22337e\+18 in size") as refused:
+            told()
+        assert name.rpartition(".")[2] in str(refused.value)
+    with pytest.raises(ScenarioError, match=f"{name} = "):
+        load_scenario(nested(key, value))
+
+
+def nested(key, value):
+    for name in reversed(key.split(".")):
+        value = {name: value}
+    return {"name": "x", **value}
+
+
+def test_a_record_may_hold_larger_numbers_than_a_scenario():
+    assert record_from('{"body.volume_m3": 4.2e18}', MadeFor)
+    with pytest.raises(ValueError, match="finite"):
+        record_from('{"body.volume_m3": 1e999}', MadeFor)

@@ -13,7 +13,7 @@ from swarm_mj.errors import OutputError, SwarmError
 from swarm_mj.flight import plan as planning
 from swarm_mj.mission import links as program_links
 from swarm_mj.observation import horizon, raycast
-from swarm_mj.observation.gl_context import OpenGlFaces
+from swarm_mj.observation.gl_faces import OpenGlFaces
 from swarm_mj.observation.raster import CompiledFaces
 from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.simulator import batch, flight_setup

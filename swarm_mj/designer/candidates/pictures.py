@@ -205,6 +205,7 @@ class Judge:
         self._observer = imaging_model.open(region)
         self._reach, self._cells = reach_of(self._observer, criterion), cells_of(region)
         self._lit: dict[tuple[int, int], Mask] = {}
+        self._all_lit = np.ones((1, region.n_cells), np.bool_)
         #: Why each cell is seen by none of those judged so far, in the picture that came nearest to it.
         self.why = np.full(region.n_cells, Cause.NO_PICTURE, np.int8)
 
@@ -240,7 +241,7 @@ class Judge:
     def could_see(self, watcher: Watcher) -> Mask:
         """The cells that a watcher could see if the body hid nothing, and perhaps a few more, shape (cells,)."""
         interruption.check()
-        light = np.ones((1, self.region.n_cells), np.bool_)
+        light = self._all_lit
         if self.criterion.needs_sun and len(watcher.pictures):
             light = np.stack([self._light(watcher.flights, int(k)) for k in watcher.pictures])
         return np.asarray(in_reach(self._cells, self._reach, *watcher.poses, light))

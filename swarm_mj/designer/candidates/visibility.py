@@ -75,7 +75,10 @@ class Thinning:
 
 @kernel
 def count_stand_ins(reach: Words, cost: Array, sees: Words, their_cost: Array, first: Indices) -> Indices:
-    """How many of m see all that each of n could see and cost no more, shape (n,); `first` gets the first of them, -1: none."""
+    """How many of m see all that each of n could see and cost no more, shape (n,); `first` gets the first of them, -1: none.
+
+    `reach`, shape (n, words), and `sees`, shape (m, words), are packed; `cost` and `first` have shape (n,), `their_cost` (m,).
+    """
     found = np.zeros(len(reach), np.int64)
     for j in range(len(reach)):
         for i in range(len(sees)):
@@ -244,7 +247,6 @@ class _Sightings:
         for j, row in judge.seen([watchers[j] for j in wave], progress=partial(self.tell, before)):
             self.sees[wave[j]] = row
             self.judged[wave[j]] = True
-        self.why = judge.why.copy()
 
     def tell(self, before: int, done: float) -> None:
         """Tell how much is done: so many candidates before, and some now."""
@@ -257,6 +259,7 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | N
     watchers = [Watcher(flights, j) for _, _, flights in flown for j in range(flights.n)]
     designer = scenario.designer
     with closing(Judge(found.region, imaging_model_from(scenario), scenario.observation, workers)) as judge:
+        found.why = judge.why  # filled in as it judges
         if len(watchers) < designer.thin_from or designer.deliver_within_h is not None:
             found.judge(judge, watchers, np.arange(len(watchers)))
             return

@@ -11,8 +11,9 @@ solid angle of the face, E_e and F_f dyads of normals. On an edge L_e is infinit
 attraction tend to zero; the gradient really is infinite there.
 
 The sums cancel: their relative rounding grows with the cube of the distance, to pure noise at some 1e5 radii, and they take as
-long everywhere. From two and a half radii on the field is therefore that of the same polyhedron in spherical harmonics, which
-converge there: truer, and with thousands of faces a hundred times faster.
+long everywhere. From 2.5 to 3 times the largest radius on the field therefore passes over into that of the same polyhedron in
+spherical harmonics, which converge there. Both agree at first, farther out the series is truer; it takes 1/66 of the time with
+4,092 faces and 1/128 with 8,000, and more than the sums with fewer than some 40.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ import numpy as np
 
 from swarm_mj.compilation import allocation_free, jittable, kernel
 from swarm_mj.errors import ScenarioError
-from swarm_mj.io.machine import usable_cores
+from swarm_mj.io.machine import usable_threads
 from swarm_mj.scenarios.constants import GRAVITATIONAL_CONSTANT
 from swarm_mj.smallbody.gravity.base import positions, positive
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics, fit_harmonics
@@ -41,11 +42,13 @@ from swarm_mj.typing import Array, Ints, Ints32
 
 #: Bound on the argument of the wire's logarithm: keeps 0 times infinity at 0 for points on an edge.
 MIN_WIRE_GAP = 1e-300
-#: Distances over the body's largest radius between which the sums pass over into harmonics: at the first one the series leaves
-#: out less than 37 times 2.5^-37 = 7e-14, beyond the second one the rounding of the sums is as large as that of the series.
+#: Distances r over the body's largest radius R between which the sums pass over into harmonics. Of the attraction of a mass
+#: at R these leave out, over that of one at the centre, at most the sum of (n + 1) (R/r)^n beyond their degree, at first
+#: 1.2e-13.
 FAR_RADII = (2.5, 3.0)
 #: Degree of the harmonics, and the sphere on which they are fitted, over the largest radius. What rounding adds there to a
-#: coefficient of degree n has fallen by 0.8^n at the first distance: with thousands of faces both fields agree to some 2e-13.
+#: coefficient of degree n has fallen by 0.8^n at the first distance: there attractions agree to 4e-13, gradients to 1e-12, as
+#: measured with 4,092 faces of a dumb-bell and 8,000 of Eros.
 FAR_DEGREE, FIT_RADII = 36, 2.0
 #: Terms of the sums that are worth a thread of their own, some milliseconds.
 LEAST_TERMS = 100_000
@@ -144,6 +147,7 @@ class Polyhedron:
     def far_field(self) -> SphericalHarmonics:
         """The same field in spherical harmonics, which hold beyond `FAR_RADII` of the largest radius."""
         radius = self.shape.max_radius
+        # With this margin higher degrees alias weakened by 2^-46.
         return fit_harmonics(
             lambda r_A: self._sums(r_A)[:, 0], self.gm, radius, FAR_DEGREE, FIT_RADII * radius, margin=5
         )
@@ -165,7 +169,7 @@ class Polyhedron:
 
     def _sums(self, r_A: Array) -> Array:
         r_A = positions(r_A)
-        if (parts := min(usable_cores(), len(r_A) * len(self.shape.faces) // LEAST_TERMS)) < 2:
+        if (parts := min(usable_threads(), len(r_A) * len(self.shape.faces) // LEAST_TERMS)) < 2:
             return np.asarray(_field(r_A, self.elements))
         with ThreadPoolExecutor(parts) as pool:  # kernels run without Python's lock
             return np.concatenate(list(pool.map(_field, np.array_split(r_A, parts), repeat(self.elements))))

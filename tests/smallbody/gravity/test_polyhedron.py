@@ -9,7 +9,7 @@ from swarm_mj.errors import ScenarioError, ShapeError
 from swarm_mj.scenarios import constants
 from swarm_mj.scenarios.constants import GRAVITATIONAL_CONSTANT as G
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
-from swarm_mj.smallbody.gravity import PointMass, Polyhedron
+from swarm_mj.smallbody.gravity import PointMass, Polyhedron, polyhedron
 from swarm_mj.smallbody.gravity.polyhedron import CELL_NUMBERS, write_near_and_far
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_harmonics import build_shape
@@ -88,6 +88,19 @@ def test_the_passage_to_the_far_field_is_smooth_in_potential_attraction_and_grad
         assert np.allclose(slope, cuboid.acceleration(r_A[None])[0], rtol=1e-5, atol=0.0)
         gradient = (attraction[:3] - attraction[3:]) / (2.0 * h)
         assert np.allclose(gradient, cuboid.gradient(r_A[None])[0], rtol=1e-4, atol=1e-5 * np.abs(gradient).max())
+
+
+def test_one_of_several_processes_starts_no_threads_for_its_sums(eros, monkeypatch):
+    """Workers are told by the environment to keep to one core each; alone a process uses all, with the same sums."""
+    started, pool = [], polyhedron.ThreadPoolExecutor
+    monkeypatch.setattr(polyhedron, "ThreadPoolExecutor", lambda parts: started.append(parts) or pool(parts))
+    monkeypatch.setattr("swarm_mj.io.machine.usable_cores", lambda: 3)
+    r_A = np.outer(np.linspace(1.1, 2.4, 1000), eros.shape.max_radius * np.array([0.48, -0.6, 0.64]))
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "1")
+    alone = eros.acceleration(r_A)
+    assert not started
+    monkeypatch.delenv("NUMBA_NUM_THREADS")
+    assert np.array_equal(eros.acceleration(r_A), alone) and started == [3]
 
 
 def log_of_sum(y, x, z, r):

@@ -5,7 +5,7 @@ import pytest
 
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.mission.corrections import gravity_gradient, inverse, transitions
+from swarm_mj.mission.corrections import gravity_gradient, inverse_transition, transitions
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.scenarios.loading import load_scenario
 from tests.relative_motion import clohessy_wiltshire
@@ -72,8 +72,8 @@ def test_it_is_symplectic_because_the_forces_are_conservative(flyby):
 def test_parts_of_a_flight_compose(flyby):
     plan, flown, span = flyby
     later = transitions(plan.environment.acceleration_N, flown.r_N[1], flown.v_N[1], flown.times[1:])
-    assert np.abs(scaled(flown.phi[2] @ inverse(flown.phi[1], span) - later.phi[-1], span)).max() < 1e-10
-    assert np.abs(scaled(inverse(flown.phi[-1], span) @ flown.phi[-1] - np.eye(6), span)).max() < 1e-12
+    assert np.abs(scaled(flown.phi[2] @ inverse_transition(flown.phi[1], span) - later.phi[-1], span)).max() < 1e-10
+    assert np.abs(scaled(inverse_transition(flown.phi[-1], span) @ flown.phi[-1] - np.eye(6), span)).max() < 1e-12
 
 
 def test_the_trajectory_that_carries_it_is_the_planned_one(flyby):
