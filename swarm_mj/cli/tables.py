@@ -12,7 +12,7 @@ from rich.table import Table
 
 from swarm_mj.cli.common import narrowest
 from swarm_mj.observation.coverage import missing_digits, percent_digits
-from swarm_mj.records.observed import causes_text, criterion_text
+from swarm_mj.records.observed import causes_text, criterion_text, mapped_texts
 from swarm_mj.records.summary import working
 
 
@@ -39,7 +39,9 @@ def results_table(summaries: Sequence[dict[str, Any]]) -> Table:
         if any("motion_blur_px_arrival" in s for s in summaries)
         else {}
     )
-    for label, cell in (_ROWS | blurred).items():
+    labels = dict.fromkeys(label for summary in summaries for label in mapped_texts(summary))
+    mapped = {label: lambda s, label=label: mapped_texts(s).get(label, "-") for label in labels}
+    for label, cell in (_ROWS | mapped | blurred).items():
         table.add_row(escape(label), *(cell(summary) for summary in summaries))
     return table
 

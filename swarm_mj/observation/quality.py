@@ -269,6 +269,18 @@ def _conditions_hold(bounds: Bounds, looks: Looks, cell: int, held: Ints) -> boo
     return bool(seen_from.sum() >= bounds.sectors and paired and varied)
 
 
+class Quality(NamedTuple):
+    """What a flight's looks come to: which cells each class maps, by its name, shape (n,), and the figures of the cells."""
+
+    mapped: dict[str, Mask]
+    figures: Figures
+
+
+def quality_of(classes: Sequence[QualityClass], looks: Looks) -> Quality:
+    """The classes' cells and the figures of all."""
+    return Quality({each.name: mapped(each, looks) for each in classes}, figures_of(looks))
+
+
 class Figures(NamedTuple):
     """What the looks of each cell come to, NaN where there is none, shape (n,) each.
 
@@ -316,7 +328,7 @@ def _best_gsd(looks: Looks) -> Array:
 
 @kernel
 def _cosines_and_sums(looks: Looks) -> tuple[Array, Array, Array]:
-    """Of each cell, shape (n, 4) and twice (n, 3, 3):
+    """Cosines and sums over the looks of each cell, shape (n, 4) and twice (n, 3, 3).
 
     - largest cosine of emission and incidence, least cosine between lines of sight and between directions to the Sun;
     - sum of (1 - u u^T) / s^2 over the lines of sight u, s the width of a pixel across them [m];

@@ -102,22 +102,22 @@ class QualityClass(Section):
         description="largest ground sampling distance of every look of the class, obliquity included [m]; null: what its "
         "demands and the criterion say",
     )
-    demands: tuple[Demand, ...] | None = Field(
-        None, min_length=1, max_length=16, description="all must be fulfilled; null: those of the packaged class"
+    demands: tuple[Demand, ...] = Field(
+        (), max_length=16, description="all must be fulfilled; none: those of the packaged class"
     )
 
     @model_validator(mode="after")
     def _known(self) -> Self:
-        if self.demands is None and self.name not in PACKAGED:
+        if not self.demands and self.name not in PACKAGED:
             raise ValueError(f"name = {self.name}: must be one of {', '.join(PACKAGED)}, or give the class its demands")
-        if self.demands is not None and self.name in PACKAGED:
+        if self.demands and self.name in PACKAGED:
             raise ValueError(f"name = {self.name}: is a packaged class; give a class with demands a name of its own")
         return self
 
     @property
     def all_demands(self) -> tuple[Demand, ...]:
         """Its demands, each with the class's own limit of the ground sampling distance where that is the smaller one."""
-        demands = PACKAGED[self.name] if self.demands is None else self.demands
+        demands = self.demands or PACKAGED[self.name]
         if (limit := self.max_gsd_m) is None:
             return demands
         return tuple(
@@ -125,19 +125,27 @@ class QualityClass(Section):
         )
 
     @property
-    def needs_motion(self) -> bool:
-        """Whether it matters how the camera moves."""
-        return any(demand.max_motion_blur_px is not None for demand in self.all_demands)
-
-    @property
-    def needs_exposure(self) -> bool:
-        """Whether the camera's exposure matters."""
-        return self.needs_motion or any(demand.min_snr is not None for demand in self.all_demands)
+    def needs(self) -> tuple[str, ...]:
+        """Limits among those of its demands that need more than geometry: of motion blur, of signal to noise."""
+        asked = ("max_motion_blur_px", "min_snr")
+        return tuple(key for key in asked if any(getattr(demand, key) is not None for demand in self.all_demands))
 
 
 def _by_name(given: Any) -> Any:
-    return {"name": given} if isinstance(given, str) else given
+    several = isinstance(given, list | tuple)
+    return [{"name": one} if isinstance(one, str) else one for one in given] if several else given
 
 
-#: A class as a scenario gives it: a packaged one's name, or a mapping.
-GivenClass = Annotated[QualityClass, BeforeValidator(_by_name)]
+def _unlike(classes: tuple[QualityClass, ...]) -> tuple[QualityClass, ...]:
+    names = [one.name for one in classes]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise ValueError(f"{twice[0]} is there twice: give each class a name of its own")
+    return classes
+
+
+#: Classes as a scenario gives them: packaged ones by name, or mappings.
+Classes = Annotated[
+    tuple[QualityClass, ...],
+    BeforeValidator(_by_name, json_schema_input_type=tuple[QualityClass | str, ...]),
+    AfterValidator(_unlike),
+]
