@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -40,8 +41,8 @@ def results_table(summaries: Sequence[dict[str, Any]]) -> Table:
         else {}
     )
     labels = dict.fromkeys(label for summary in summaries for label in mapped_texts(summary))
-    mapped = {label: lambda s, label=label: mapped_texts(s).get(label, "-") for label in labels}
-    for label, cell in (_ROWS | mapped | blurred).items():
+    mapped = {label: partial(_mapped, label) for label in labels}
+    for label, cell in (_OBSERVED | mapped | _ROWS | blurred).items():
         table.add_row(escape(label), *(cell(summary) for summary in summaries))
     return table
 
@@ -57,6 +58,10 @@ def _spread(values: dict[str, float]) -> str:
 def _sampled(summary: dict[str, Any]) -> str:
     required, reached = summary.get("ground_resolution_m"), _spread(summary["gsd_m"])
     return reached if required is None else f"{reached}; D {required:g}"
+
+
+def _mapped(label: str, summary: dict[str, Any]) -> str:
+    return mapped_texts(summary).get(label, "-")
 
 
 def _blurred(summary: dict[str, Any]) -> str:
@@ -91,13 +96,15 @@ def _crew(summary: dict[str, Any]) -> str:
     return f"{summary['spacecraft']} ({summary['observers']}){lost}"
 
 
-_ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
+_OBSERVED: dict[str, Callable[[dict[str, Any]], str]] = {
     "spacecraft (of them observers)": _crew,
     "target faces": lambda s: str(s["target_faces"]),
     "criterion, camera half-angle": lambda s: f"{criterion_text(s)}, {s['camera_half_angle_deg']:g} deg",
     "observed area P_TO [%]": lambda s: percent_digits(s["coverage_percent"]),
     "the same, whole passage [%]": lambda s: percent_digits(s["coverage_percent_passage"]),
     "not observed, by cause": lambda s: causes_text(s) or "-",
+}
+_ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "of the target delivered to Earth [%]": _delivered,
     "all that was seen on Earth, t [s]; by the best of these slots": _complete,
     "GSD observed, min / median / max [m]": _sampled,

@@ -29,7 +29,7 @@ from swarm_mj.observation.capture import (
 )
 from swarm_mj.observation.coverage import Cause, CoverageMap, KeptPictures, Shown
 from swarm_mj.observation.observer import Observer, make_observer
-from swarm_mj.observation.quality import PictureLooks, Quality, gather, quality_of
+from swarm_mj.observation.quality import PictureLooks, Quality, gather, looks_in_picture, quality_of
 from swarm_mj.observation.radiometry import electrons, signal_to_noise
 from swarm_mj.scenarios.itinerary import arrival_times
 from swarm_mj.scenarios.schema import Scenario
@@ -221,19 +221,9 @@ class _Looks:
         """Add a picture with the cells that count in it and their ground sampling distance [m], shape (k,)."""
         if not self._classes or not len(cells):
             return
-        region = self._observer.region
-        away = picture.r_A - region.centroid_A[cells]
-        self._pictures.append(
-            PictureLooks(
-                taker=picture.spacecraft,
-                cells=cells,
-                to_camera_A=(away / np.linalg.norm(away, axis=1, keepdims=True)).astype(np.float32),
-                to_sun_A=picture.sun_A / np.linalg.norm(picture.sun_A),
-                gsd_m=gsd_m.astype(np.float32),
-                motion_blur_px=self._motion_blur(picture, cells),
-                snr=self._snr(picture, cells),
-            )
-        )
+        region, blur, snr = self._observer.region, self._motion_blur(picture, cells), self._snr(picture, cells)
+        place = picture.spacecraft, picture.r_A, picture.sun_A
+        self._pictures.append(looks_in_picture(region, *place, cells, gsd_m, motion_blur_px=blur, snr=snr))
 
     def _motion_blur(self, picture: Picture, cells: Ints) -> Array | float:
         region, camera = self._observer.region, self._observer.camera

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swarm_mj.compilation import jittable, kernel
+from swarm_mj.mission.target import TargetRegion
 from swarm_mj.scenarios.schema_quality import Angles, Demand, QualityClass
 from swarm_mj.typing import Array, Array32, Ints, Ints32, Mask
 
@@ -68,11 +69,28 @@ class PictureLooks(NamedTuple):
 
     taker: int
     cells: Ints
-    to_camera_A: Array
+    to_camera_A: Array32
     to_sun_A: Array
     gsd_m: Array
     motion_blur_px: Array | float = np.nan
     snr: Array | float = np.nan
+
+
+def looks_in_picture(
+    region: TargetRegion,
+    taker: int,
+    r_A: Array,
+    sun_A: Array,
+    cells: Ints,
+    gsd_m: Array,
+    *,
+    motion_blur_px: Array | float = np.nan,
+    snr: Array | float = np.nan,
+) -> PictureLooks:
+    """The looks at cells that count in a picture taken at `r_A` [m], the Sun in the direction `sun_A`, of any length."""
+    away = r_A - region.centroid_A[cells]
+    to_camera = (away / np.linalg.norm(away, axis=1, keepdims=True)).astype(np.float32)
+    return PictureLooks(taker, cells, to_camera, sun_A / np.linalg.norm(sun_A), gsd_m, motion_blur_px, snr)
 
 
 def gather(pictures: Sequence[PictureLooks], normal_A: Array) -> Looks:
@@ -346,7 +364,7 @@ def _cosines_and_sums(looks: Looks) -> tuple[Array, Array, Array]:
             cosines[cell, 1] = max(cosines[cell, 1], _dot(looks.normal_A[cell], s))
             weight = 1.0 / (looks.gsd_m[i] * cos_emission) ** 2
             for a in range(3):
-                sight[cell, a, a] += weight
+                sight[cell, a, a] += weight * _dot(u, u)  # not 1, so that nothing is left along u
                 for b in range(3):
                     sight[cell, a, b] -= weight * float(u[a]) * float(u[b])
                     light[cell, a, b] += float(s[a]) * float(s[b])
