@@ -179,7 +179,8 @@ def _cosines(angles: Angles | None) -> tuple[float, float]:
 
 @jittable
 def _dot(a: Any, b: Any) -> Any:
-    return float(a[0]) * float(b[0]) + float(a[1]) * float(b[1]) + float(a[2]) * float(b[2])
+    # Numba's products of single precision, and its `float` of one, stay single.
+    return np.float64(a[0]) * b[0] + np.float64(a[1]) * b[1] + np.float64(a[2]) * b[2]
 
 
 @jittable
@@ -223,7 +224,7 @@ def sector_of(looks: Looks, cell: Any, k: Any) -> Any:
     n, u = looks.normal_A[cell], looks.to_camera_A[k]
     polar = abs(n[2]) > 1.0 - 1e-12
     along = n[0] if polar else n[2]
-    north = float(u[0] if polar else u[2]) - _dot(n, u) * along
+    north = (u[0] if polar else u[2]) - _dot(n, u) * along
     east = n[1] * u[2] - n[2] * u[1] if polar else n[0] * u[1] - n[1] * u[0]
     if north * north + east * east < LEAST_SLANT * LEAST_SLANT * (1.0 - along * along):
         return -1
@@ -366,8 +367,8 @@ def _cosines_and_sums(looks: Looks) -> tuple[Array, Array, Array]:
             for a in range(3):
                 sight[cell, a, a] += weight * _dot(u, u)  # not 1, so that nothing is left along u
                 for b in range(3):
-                    sight[cell, a, b] -= weight * float(u[a]) * float(u[b])
-                    light[cell, a, b] += float(s[a]) * float(s[b])
+                    sight[cell, a, b] -= weight * u[a] * u[b]
+                    light[cell, a, b] += np.float64(s[a]) * s[b]
             for k in range(i + 1, looks.start[cell + 1]):
                 cosines[cell, 2] = min(cosines[cell, 2], _dot(u, looks.to_camera_A[k]))
                 cosines[cell, 3] = min(cosines[cell, 3], _dot(s, looks.to_sun_A[k]))
