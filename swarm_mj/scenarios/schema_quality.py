@@ -73,7 +73,11 @@ class Demand(Section):
 PACKAGED: Mapping[str, tuple[Demand, ...]] = {
     # The scenario's criterion alone.
     "seen": (Demand(),),
+    # Assumed: a pixel covers at most twice as much ground along the slant as across, and a stone of a pixel's height casts a
+    # shadow of less than three.
     "resolved": (Demand(emission_deg=(0.0, 60.0), incidence_deg=(0.0, 70.0)),),
+    # Convergence: the guidelines of the Ames Stereo Pipeline for choosing pairs. Alike light: Becker et al. 2015, Lunar and
+    # Planetary Science Conference 46, 2703, ask for it; the 20 deg are assumed.
     "stereo": (
         Demand(
             emission_deg=(0.0, 60.0),
@@ -82,6 +86,7 @@ PACKAGED: Mapping[str, tuple[Demand, ...]] = {
             alike_light_deg=20.0,
         ),
     ),
+    # Limits for stereophotoclinometry: Palmer et al. 2022, Planetary Science Journal 3, 102; at least three images.
     "shape": (
         Demand(looks=3),
         Demand(emission_deg=(35.0, 48.0), incidence_deg=(0.0, 20.0), convergence_deg=(70.0, 110.0)),
