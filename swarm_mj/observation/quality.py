@@ -55,17 +55,7 @@ class Looks(NamedTuple):
 
 
 class PictureLooks(NamedTuple):
-    """The looks of one picture at the cells that count in it.
-
-    Attributes:
-        taker: Spacecraft or candidate.
-        cells: Their numbers, shape (k,).
-        to_camera_A: Unit vectors from them to the camera, shape (k, 3).
-        to_sun_A: Unit vector to the Sun, shape (3,).
-        gsd_m: [m], shape (k,).
-        motion_blur_px: [px], shape (k,), or NaN for all.
-        snr: [-], shape (k,), or NaN for all.
-    """
+    """The looks of one picture at the `cells` that count in it, shape (k,); the rest as in `Looks`, one Sun for all."""
 
     taker: int
     cells: Ints
@@ -119,22 +109,11 @@ def gather(pictures: Sequence[PictureLooks], normal_A: Array) -> Looks:
 
 
 class Bounds(NamedTuple):
-    """A demand in numbers; of each range of angles the cosines of its largest and least.
+    """A demand in numbers: of each range of angles the cosines of its largest and least, infinite where nothing is asked.
 
     Attributes:
-        looks: Least number of looks.
-        max_gsd: [m].
-        max_motion_blur: [px].
-        min_snr: [-].
-        emission: Bounds of the cosine.
-        incidence: Likewise.
-        phase: Likewise.
-        paired: Whether two looks must converge.
-        convergence: Bounds of the cosine of the angle between their lines of sight.
-        alike: Least cosine of the angle between their directions to the Sun.
-        sectors: Least number of quadrants.
-        varied: Whether two looks must have unlike light.
-        light: Bounds of the cosine of the angle between their directions to the Sun.
+        paired: Whether two looks must converge, by `convergence` in light that is `alike`: its least cosine.
+        varied: Whether the directions to the Sun of two looks must differ, by `light`.
     """
 
     looks: int

@@ -1,4 +1,4 @@
-"""Signal to noise of a pixel by shot noise and read noise; dark current, stray light and digitisation are left out.
+"""Signal to noise of a pixel by shot noise and read noise; without dark current, stray light, digitisation and saturation.
 
 A surface of reflectance I/F sends the radiance (I/F) F / pi, F the Sun's irradiance there: that of a black body of the Sun's
 size and effective temperature, 1.75 W m^-2 nm^-1 at 550 nm and 1 au, where some 1.86 are measured. With the lens' area, the

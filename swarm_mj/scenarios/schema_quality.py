@@ -17,7 +17,7 @@ from swarm_mj.scenarios.section import Section
 
 def _rising(angles: tuple[float, float]) -> tuple[float, float]:
     if angles[0] > angles[1]:
-        raise ValueError(f"{list(angles)}: the least angle must not exceed the largest")
+        raise ValueError(f"= {list(angles)}: the least angle must not exceed the largest")
     return angles
 
 

@@ -1,12 +1,15 @@
 """Quality classes: areas against closed forms and exact polygons, what each condition asks, one look more, dilution, noise."""
 
+import re
 from functools import cache, reduce
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 import trimesh
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -20,6 +23,7 @@ from swarm_mj.observation.capture import ground_sampling_distance, limits_of, ob
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.observation.quality import PictureLooks, figures_of, gather, looks_in_picture, mapped, usable
 from swarm_mj.observation.radiometry import electrons, signal_to_noise, solar_irradiance
+from swarm_mj.scenarios.loading import scenario_from
 from swarm_mj.scenarios.schema_imaging import Camera, Observation
 from swarm_mj.scenarios.schema_quality import PACKAGED, Demand, QualityClass
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
@@ -441,23 +445,56 @@ def test_the_height_recovered_from_noisy_pictures_scatters_as_its_dilution_says(
     assert within_95_percent(np.array(squares))
 
 
-def test_slopes_and_albedo_recovered_from_noisy_brightness_scatter_as_their_dilution_says():
-    region, rng, noise, albedo = rough_patch(), np.random.default_rng(2), 1e-3, 0.2
+def test_slopes_and_albedo_recovered_from_rendered_pictures_scatter_as_their_dilution_says():
+    region, rng, noise, albedo = rough_patch(), np.random.default_rng(2), 1e-2, 0.2
     looks = looks_of(region, [VIEWS[0]] * 4, SUNS, [np.arange(region.n_cells)] * 4)
-    found = figures_of(looks)
-    suns, slopes, albedos = np.array(SUNS), [], []
+    found, suns = figures_of(looks), np.array(SUNS)
+    camera = CameraModel(half_angle_deg=3.0, resolution_px=256)
+    face = draw(region, camera, look_at(VIEWS[0], [500.0, 0.0, 0.0]))
+    slopes, albedos = [], []
     for cell in range(0, region.n_cells, 24):
-        normal = region.normal_A[cell]
+        normal, pixels = region.normal_A[cell], (face == cell).sum()
+        assert pixels > 100
         frame = np.array([*np.linalg.svd(normal[None])[2][1:], normal])
-        measured = albedo * (suns @ normal)[:, None] + noise * albedo * rng.normal(size=(4, DRAWS))
+        # Each picture of a draw: Lambert shading and noise in every pixel of the face, of which the mean is measured.
+        image = albedo * (suns @ normal)[:, None, None] + noise * albedo * rng.normal(size=(4, DRAWS, pixels))
         # Lambert's law is linear in albedo times normal.
-        scaled = np.linalg.lstsq(suns, measured, rcond=None)[0]
+        scaled = np.linalg.lstsq(suns, image.mean(axis=2), rcond=None)[0]
         p, q, r = frame @ scaled
-        slopes.append(((p / r) ** 2 + (q / r) ** 2) / (noise * found.slope_dop[cell]) ** 2)
-        albedos.append(((np.linalg.norm(scaled, axis=0) / albedo - 1.0) / (noise * found.albedo_dop[cell])) ** 2)
+        of_mean = noise / np.sqrt(pixels)
+        slopes.append(((p / r) ** 2 + (q / r) ** 2) / (of_mean * found.slope_dop[cell]) ** 2)
+        albedos.append(((np.linalg.norm(scaled, axis=0) / albedo - 1.0) / (of_mean * found.albedo_dop[cell])) ** 2)
     assert within_95_percent(np.array(albedos))
     # Two slopes of unlike deviations: the mean of their sum of squares is one, its spread at most that of a single one.
     assert abs(np.mean(slopes) - 1.0) < 1.96 * np.sqrt(2.0 / np.size(slopes))
+
+
+def draw(region, camera, pose):
+    """The cell that each pixel of a picture shows, by the drawing of faces in compiled code; -1: none."""
+    observer = make_observer(region, camera, kind="raster")
+    try:
+        return observer.face_ids(pose).astype(np.int64) - 1
+    finally:
+        observer.close()
+
+
+def test_the_page_tells_the_limits_of_the_packaged_classes_and_its_example_loads():
+    page = (Path(__file__).parents[2] / "docs/how-to/quality_classes.md").read_text("utf-8")
+    scenario = scenario_from(yaml.safe_load(re.findall(r"^```yaml\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[0]))
+    assert [each.name for each in scenario.observation.classes] == ["resolved", "stereo", "five_views"]
+    assert scenario.observation.classes[1].all_demands[0].max_gsd_m == 50
+    rows = [
+        [cell.strip() for cell in row.split("|")[1:-1]]
+        for row in page.split("|---|---|---|---|---|---|\n")[1].split("\n\n")[0].splitlines()
+    ]
+    told = [[int(n) for n in re.findall(r"\d+", " ".join(row[2:5]))] for row in rows]
+    demands = [demand for each in PACKAGED.values() for demand in each]
+    keys = ("emission_deg", "incidence_deg", "convergence_deg", "light_varied_deg")
+    for numbers, row, demand in zip(told, rows, demands, strict=True):
+        asked = [round(angle) for key in keys for angle in getattr(demand, key) or ()]
+        assert numbers == asked + [round(demand.alike_light_deg)] * (demand.alike_light_deg < 180.0)
+        paired = demand.convergence_deg is not None or demand.light_varied_deg is not None
+        assert int(row[5]) == max(demand.looks, 2 * paired)
 
 
 def test_one_line_of_sight_or_suns_in_one_plane_determine_nothing():
@@ -494,10 +531,10 @@ def test_the_sun_s_irradiance_is_that_measured_within_a_tenth_and_sums_up_to_the
 
 
 def test_signal_to_noise_is_that_of_drawn_photons_and_read_noise():
-    camera = Camera(exposure_s=0.002, read_noise=12.0)
+    camera = Camera(exposure_s=1e-6, read_noise=12.0)
     signal = electrons(camera, 1e-4, np.array([0.04]), 1.2 * constants.au)
     irradiance = solar_irradiance(550e-9) / 1.2**2 * 300e-9 * np.pi / 4 * 0.094**2 * 1e-8 * 0.04 / np.pi
-    assert signal[0] == pytest.approx(irradiance * 0.002 * 0.4 / (constants.h * constants.c / 550e-9))
+    assert signal[0] == pytest.approx(irradiance * 1e-6 * 0.4 / (constants.h * constants.c / 550e-9))
     rng = np.random.default_rng(4)
     drawn = rng.poisson(signal[0], 200_000) + 12.0 * rng.normal(size=200_000)
     assert signal_to_noise(camera, signal)[0] == pytest.approx(drawn.mean() / drawn.std(), rel=0.01)
