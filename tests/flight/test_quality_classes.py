@@ -9,11 +9,12 @@ import pytest
 from rich.console import Console
 
 import swarm_mj as sm
+from swarm_mj.campaigns.flying import outcome
 from swarm_mj.cli.tables import results_table
 from swarm_mj.errors import InteropError, ScenarioError
 from swarm_mj.flight.observe import flight_pictures, observe_flight, observer_from
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.interop.external_flight import _check_asked
+from swarm_mj.interop.external_flight import ForeignFlight
 from swarm_mj.observation.capture import observe
 from swarm_mj.observation.radiometry import electrons, signal_to_noise
 from swarm_mj.records.run_files import read_coverage
@@ -111,6 +112,11 @@ def test_files_table_and_report_tell_what_classes_map_and_what_that_leaves_out(f
     assert sm.open(run).summary["classes"] == flight.summary["classes"]
 
 
+def test_a_campaign_keeps_the_share_that_a_class_maps(flight):
+    kept = outcome(flight.plan, flight.telemetry, flight.result, {"stereo": "classes.stereo"})
+    assert kept["stereo"] == flight.summary["classes"]["stereo"]["percent"]
+
+
 def test_only_the_pictures_of_the_arrival_count_where_the_criterion_says_so(flight):
     plan = make_plan(load_scenario("eros-quick", {**CLASSES, "observation.criterion": "arrival"}))
     figures = observe_flight(plan, flight.telemetry).quality.figures
@@ -159,4 +165,4 @@ def test_motion_blur_limits_motion_and_is_refused_of_flights_from_files(flight):
     sharp = observed(max_motion_blur_px=0.02)[1].coverage.seen
     assert np.array_equal(result.quality.mapped["own"], sharp) and 0.0 < sharp.mean() < result.coverage.seen.mean()
     with pytest.raises(InteropError, match=r"observation\.classes: own: motion blur needs velocities"):
-        _check_asked(scenario, "nadir")
+        ForeignFlight(scenario, [], [])

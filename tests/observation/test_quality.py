@@ -208,8 +208,8 @@ def test_stereo_on_bodies_of_all_kinds_maps_what_exact_polygons_leave_of_it(name
     mesh = mesh_of(name)
     shape = ShapeModel(np.asarray(mesh.vertices), np.asarray(mesh.faces), name)
     places, sun = [4.5e3 * unit(x, 1.0, 0.7) for x in (-0.25, 0.3)], unit(0.5, 0.8, 0.9)
-    quality_class = own(Demand(emission_deg=(0.0, 50.0), convergence_deg=(20.0, 60.0), max_gsd_m=33.0))
-    exact = exact_stereo_area(shape, places, sun, emission_deg=50.0, max_gsd_m=33.0)
+    quality_class = own(Demand(emission_deg=(0.0, 65.0), convergence_deg=(20.0, 60.0), max_gsd_m=50.0))
+    exact = exact_stereo_area(shape, places, sun, emission_deg=65.0, max_gsd_m=50.0)
 
     region = whole_body(shape, cell_size_m=28.0)
     observer = make_observer(region, CAMERA, kind="raycast")
