@@ -25,7 +25,7 @@ from swarm_mj.io.progress import Shown, Stages, using_bars
 from swarm_mj.io.records import writing
 from swarm_mj.observation.coverage import CoverageMap, percent_text
 from swarm_mj.records.cells import cells_table
-from swarm_mj.records.observed import not_observed
+from swarm_mj.records.observed import mapped_by_class, not_observed
 from swarm_mj.records.run_files import coverage_arrays, write_coverage
 from swarm_mj.scenarios.bodies import packaged_bodies
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
@@ -85,6 +85,7 @@ class Observation:
             "light": scenario.observation.light,
             "coverage_percent": self.coverage.percent,
             "not_observed": not_observed(self.flight.region.area, self.result.why),
+            "classes": mapped_by_class(self.flight.region.area, self.result.quality),
             "coverage_percent_passage": self.passage.percent,
             "coverage_percent_by_spacecraft": dict(zip(self.flight.names, map(float, by), strict=True)),
             "images": self.result.images,

@@ -205,6 +205,7 @@ def outcome(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, record
     of_none: dict[str, Any] = {**dict.fromkeys(DELIVERED), **SILENT, **{key: {} for key in PROPULSION}}
     formation = summary.get("formation") or {}
     told = {key: formation.get(name, 0) for key, name in FORMATION.items()}
+    summary["classes"] = {name: mapped["percent"] for name, mapped in summary["classes"].items()}
     values = {**of_none, **told, **summary, **of_the_living, **_pointed(plan, telemetry)}
     return {
         "covered": bool(100.0 - result.coverage.percent <= plan.scenario.designer.tolerance_percent),

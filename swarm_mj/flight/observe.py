@@ -29,6 +29,8 @@ from swarm_mj.observation.capture import (
 )
 from swarm_mj.observation.coverage import Cause, CoverageMap, KeptPictures, Shown
 from swarm_mj.observation.observer import Observer, make_observer
+from swarm_mj.observation.quality import PictureLooks, Quality, gather, looks_in_picture, quality_of
+from swarm_mj.observation.radiometry import electrons, signal_to_noise
 from swarm_mj.scenarios.itinerary import arrival_times
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_imaging import Observation
@@ -81,6 +83,8 @@ class ObservationResult:
         kept: By which picture each spacecraft keeps each cell that counts by the scenario's criterion.
         motion_blur_px: Of each cell in the sharpest picture of the arrival that has it in the field of view [px], NaN where
             none has, shape (n,); None where the camera has no exposure or the flight was read back.
+        quality: What the scenario's quality classes map, and the figures of the looks; None where it asks for no class or the
+            flight was read back.
         delivery: What of it reaches Earth; None where that was not computed.
     """
 
@@ -92,6 +96,7 @@ class ObservationResult:
     why: NDArray[np.int8]
     kept: KeptPictures
     motion_blur_px: Array | None = None
+    quality: Quality | None = None
     delivery: Delivery | None = None
 
 
@@ -150,7 +155,7 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
     kept = KeptPictures(plan.region.n_cells, plan.n, scenario.data.pictures)
     least_px, why = np.full(plan.region.n_cells, np.nan), np.full(plan.region.n_cells, Cause.NO_PICTURE, np.int8)
     arrival_only = scenario.observation.criterion == "arrival"
-    images, light = 0, _Light(observer, criterion)
+    images, light, looks = 0, _Light(observer, criterion), _Looks(scenario, observer)
     try:
         for picture in flight_pictures(plan, telemetry):
             cause = causes(observer, picture.pose, criterion, motion=picture.motion, light=partial(light.at, picture))
@@ -167,6 +172,7 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
                 incidence_deg = np.degrees(incidence(plan.region, picture.sun_A)[cells])
                 shown = Shown(picture.t, picture.spacecraft, cells)
                 kept.add(shown, gsd_m, incidence_deg, float(arrivals_s[picture.spacecraft]))
+                looks.add(picture, cells, gsd_m)
             images += 1
             if progress is not None:
                 progress(images)
@@ -185,6 +191,7 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
         why=why,
         kept=kept,
         motion_blur_px=least_px if scenario.camera.exposure_s else None,
+        quality=looks.quality(),
     )
 
 
@@ -200,6 +207,43 @@ class _Light:
         if self._last is None or self._last[0] != picture.t:
             self._last = picture.t, lit_cells(self._observer, self._criterion, picture.sun_A)
         return self._last[1]
+
+
+class _Looks:
+    """The looks of all pictures that count, where the scenario asks for quality classes."""
+
+    def __init__(self, scenario: Scenario, observer: Observer) -> None:
+        self._scenario, self._observer = scenario, observer
+        self._classes = scenario.observation.classes
+        self._pictures: list[PictureLooks] = []
+
+    def add(self, picture: Picture, cells: Ints, gsd_m: Array) -> None:
+        """Add a picture with the cells that count in it and their ground sampling distance [m], shape (k,)."""
+        if not self._classes or not len(cells):
+            return
+        region, blur, snr = self._observer.region, self._motion_blur(picture, cells), self._snr(picture, cells)
+        place = picture.spacecraft, picture.r_A, picture.sun_A
+        self._pictures.append(looks_in_picture(region, *place, cells, gsd_m, motion_blur_px=blur, snr=snr))
+
+    def _motion_blur(self, picture: Picture, cells: Ints) -> Array | float:
+        region, camera = self._observer.region, self._observer.camera
+        if picture.motion is None or not any("max_motion_blur_px" in each.needs for each in self._classes):
+            return np.nan
+        return motion_blur_px(region, camera, picture.r_A, picture.C_CA, picture.motion)[cells]
+
+    def _snr(self, picture: Picture, cells: Ints) -> Array | float:
+        region, camera, albedo = self._observer.region, self._scenario.camera, self._scenario.body.albedo
+        if albedo is None or not any("min_snr" in each.needs for each in self._classes):
+            return np.nan
+        reflectance = albedo * np.cos(incidence(region, picture.sun_A)[cells])
+        distance = float(np.linalg.norm(picture.sun_A))
+        return signal_to_noise(camera, electrons(camera, self._observer.camera.pixel_angle, reflectance, distance))
+
+    def quality(self) -> Quality | None:
+        """What they come to."""
+        if not self._classes:
+            return None
+        return quality_of(self._classes, gather(self._pictures, self._observer.region.normal_A))
 
 
 def _motion_blur_in(observer: Observer, picture: Picture) -> Array:

@@ -210,10 +210,13 @@ class Poses(NamedTuple):
 def _check_asked(scenario: Scenario, pointing: Pointing) -> None:
     if pointing not in POINTINGS:
         raise InteropError(f"pointing = {pointing!r}: must be {' or '.join(POINTINGS)}")
-    if (limit := scenario.observation.max_motion_blur_px) is not None:
+    observation = scenario.observation
+    asked = [f"max_motion_blur_px = {limit:g}" for limit in (observation.max_motion_blur_px,) if limit is not None]
+    asked += [f"classes: {each.name}" for each in observation.classes if "max_motion_blur_px" in each.needs]
+    if asked:
         raise InteropError(
-            f"observation.max_motion_blur_px = {limit:g}: motion blur needs velocities and body rates, and of a flight from "
-            "files only places and attitudes are read; set observation.max_motion_blur_px=null"
+            f"observation.{asked[0]}: motion blur needs velocities and body rates, and of a flight from files only places and "
+            "attitudes are read; ask for no max_motion_blur_px"
         )
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.observation.coverage import WORDS, Cause, rounded_up_digits, shares
+from swarm_mj.observation.coverage import WORDS, Cause, percent_text, rounded_up_digits, shares
+from swarm_mj.observation.quality import Quality
 from swarm_mj.records.rounding import rounded
 from swarm_mj.typing import Array
 
@@ -39,6 +40,31 @@ def not_observed(area: Array, why: NDArray[np.int8]) -> list[dict[str, Any]]:
     ]
 
 
+#: What the share that a class maps does not tell.
+NOT_COVERED = (
+    "told by the geometry and light of the looks at the centres of faces, not by matched pictures: texture, errors of position "
+    "and attitude, and what of it reaches Earth are not in it"
+)
+
+
+def mapped_by_class(area: Array, quality: Quality | None) -> dict[str, dict[str, float]]:
+    """Share [%] and area [km^2] of the target that each quality class maps, by its name; `area` is of each cell [m^2]."""
+    return {
+        name: {
+            "percent": rounded(100.0 * area[cells].sum() / area.sum(), 6),
+            "area_km2": rounded(area[cells].sum() / 1e6, 6),
+        }
+        for name, cells in (quality.mapped if quality else {}).items()
+    }
+
+
+def mapped_texts(summary: dict[str, Any]) -> dict[str, str]:
+    """What each quality class maps, by its label in tables."""
+    return {
+        f"mapped, class {name}": percent_text(found["percent"]) for name, found in summary.get("classes", {}).items()
+    }
+
+
 def causes_text(summary: dict[str, Any]) -> str:
     """What was not observed, in one line: shares and their causes; empty where all was."""
     return ", ".join(
@@ -56,7 +82,8 @@ def observed_findings(summary: dict[str, Any]) -> list[str]:
         found.append(
             "light is ignored: ground that is dark or in shadow counts as observed (observation.light: sunlit asks)"
         )
-    return found
+    shares = ", ".join(f"{label}: {share}" for label, share in mapped_texts(summary).items())
+    return found + ([f"{shares}; {NOT_COVERED}"] if shares else [])
 
 
 def when_text(summary: dict[str, Any]) -> str:

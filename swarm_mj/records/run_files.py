@@ -50,7 +50,20 @@ COVERAGE = {
     "first_seen_by_s_passage": Declared("f8", _BY, 0.0, FARTHEST, gaps="nan"),
     "body_vertices": Declared("f4", ("body_vertices", 3), -FARTHEST, FARTHEST),
     "body_faces": Declared("i4", ("body_faces", 3), 0, "body_vertices"),
+    # Of runs with quality classes alone, NaN where a cell has no such look, see `swarm_mj.observation.quality.Figures`.
+    "looks": Declared("i4", _CELLS, 0, optional=True),
+    "best_gsd_m": Declared("f4", _CELLS, 0.0, FARTHEST, gaps="nan", optional=True),
+    **{
+        name: Declared("f4", _CELLS, 0.0, 180.0, gaps="nan", optional=True)
+        for name in ("least_emission_deg", "least_incidence_deg", "convergence_deg", "light_varied_deg")
+    },
+    **{
+        name: Declared("f4", _CELLS, 0.0, gaps="nan", optional=True)
+        for name in ("height_dop", "slope_dop", "albedo_dop")
+    },
 }
+#: Whether a quality class maps each cell is the array of its name after this.
+MAPPED = "mapped_"
 #: Of a target that is the whole body no rest is left.
 _EMPTY_WITHOUT_REST = ("body_vertices", "body_faces")
 #: Largest number of bits, or of a station, and latest time [s], that a file may hold.
@@ -138,12 +151,15 @@ def write_coverage(path: Path | BinaryIO, plan: Observed, result: ObservationRes
 
 
 def read_coverage(path: Path, names: Collection[str] = tuple(COVERAGE), **sizes: int) -> dict[str, NDArray[Any]]:
-    """Arrays of a coverage.npz by name; `sizes`: `spacecraft` and `cells`, where they are known.
+    """Arrays of a coverage.npz by name, optional ones where they are there; `sizes`: `spacecraft` and `cells`, where known.
+
+    Which cells a quality class maps is `mapped_CLASS`; the classes' names are the keys of `classes` in summary.json.
 
     Raises:
         OutputError: It cannot be read, or an array is missing or not as `COVERAGE` says.
     """
-    declared = {name: COVERAGE[name] for name in names}
+    mapped = Declared("?", _CELLS, optional=True)
+    declared = {name: mapped if name.startswith(MAPPED) else COVERAGE[name] for name in names}
     return read_arrays(path, declared, REMEDY, sizes=sizes, may_be_empty=_EMPTY_WITHOUT_REST)
 
 
@@ -172,7 +188,10 @@ def coverage_arrays(plan: Observed, result: ObservationResult) -> dict[str, NDAr
         "body_faces": body_faces.reshape(rest.shape).astype(np.int32),
         **seen,
     }
-    return {name: arrays[name] for name in COVERAGE}
+    arrays = {name: arrays[name] for name in COVERAGE if name in arrays}
+    if (quality := result.quality) is not None:
+        arrays |= quality.figures._asdict() | {f"{MAPPED}{name}": cells for name, cells in quality.mapped.items()}
+    return arrays
 
 
 def write_delivery(folder: Path, delivery: Delivery) -> None:

@@ -21,7 +21,7 @@ from swarm_mj.records.delivered import delivered_summary
 from swarm_mj.records.formation import formation_summary
 from swarm_mj.records.modes import held_s
 from swarm_mj.records.navigation import navigation_summary
-from swarm_mj.records.observed import not_observed
+from swarm_mj.records.observed import mapped_by_class, not_observed
 from swarm_mj.records.propulsion import propulsion_summary
 from swarm_mj.records.rounding import by_name, rounded, spread
 from swarm_mj.scenarios.itinerary import itinerary
@@ -75,6 +75,7 @@ def _observed(plan: Plan, result: ObservationResult) -> dict[str, Any]:
         "coverage_percent_passage": rounded(result.passage.percent, 6),
         "coverage_percent_by_spacecraft": by_name(plan.names, result.coverage.percent_by_spacecraft, 4),
         "not_observed": not_observed(region.area, result.why),
+        "classes": mapped_by_class(region.area, result.quality),
         "criterion": scenario.observation.criterion,
         "light": scenario.observation.light,
         "camera_half_angle_deg": scenario.camera.half_angle_deg,

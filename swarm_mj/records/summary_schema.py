@@ -82,6 +82,13 @@ class NotObserved(Record):
     remedy: str
 
 
+class Mapped(Record):
+    """What a quality class maps of the target."""
+
+    percent: Percent
+    area_km2: NonNegativeFloat
+
+
 class Spread(Record):
     """Least, median and greatest of what was seen or delivered."""
 
@@ -169,6 +176,7 @@ class RunSummary(Record):
     gsd_delivered_m: Spread | Nothing = {}
     incidence_deg: Spread | Nothing = {}
     not_observed: list[NotObserved] = []
+    classes: dict[str, Mapped] = {}
     light: Literal["sunlit", "ignored"] = "ignored"
     time_to_full_map_s: float | None = None
     time_to_all_data_s: float | None = None

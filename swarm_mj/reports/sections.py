@@ -14,7 +14,7 @@ from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.coverage import percent_digits, percent_text, rounded_up_digits
 from swarm_mj.records.findings import findings, proof_differences
 from swarm_mj.records.modes import runs
-from swarm_mj.records.observed import causes_text
+from swarm_mj.records.observed import causes_text, mapped_texts
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.reports.markup import Content, Html, join, table, tag
 from swarm_mj.scenarios.itinerary import target_name
@@ -43,6 +43,7 @@ def summary_section(run: RunRecord) -> Html:
         (P_TO, percent_text(summary["coverage_percent"]), _criterion(summary)),
         *_delivered(summary),
         ("observed, whole passage", percent_text(summary["coverage_percent_passage"]), f"{summary['images']} pictures"),
+        *((label, share, "by geometry and light of its looks") for label, share in mapped_texts(summary).items()),
         *_sampled(summary),
         *_blurred(summary),
         ("spacecraft", str(summary["spacecraft"]), f"{summary['observers']} of them observe{lost}"),

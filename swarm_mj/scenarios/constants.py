@@ -10,6 +10,11 @@ AU: Final = 149_597_870_700.0
 SPEED_OF_LIGHT: Final = 299_792_458.0
 #: Nominal total solar irradiance at 1 au [W/m^2] (IAU 2015 resolution B3).
 SOLAR_IRRADIANCE: Final = 1361.0
+#: Effective temperature [K] and radius [m] of the Sun (IAU 2015 resolution B3, nominal).
+SUN_TEMPERATURE: Final = 5772.0
+SUN_RADIUS: Final = 6.957e8
+#: Planck constant [J s] (SI definition).
+PLANCK: Final = 6.62607015e-34
 #: Gravitational constant [m^3/(kg s^2)] (CODATA 2018).
 GRAVITATIONAL_CONSTANT: Final = 6.67430e-11
 #: Mean obliquity of the ecliptic at J2000 [deg] (IAU 1976: 84381.448 arcsec).

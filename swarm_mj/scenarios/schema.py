@@ -327,6 +327,17 @@ class Scenario(Section):
         return self
 
     @model_validator(mode="after")
+    def _classes_have_what_they_need(self) -> Self:
+        for quality_class in self.observation.classes:
+            for limit in quality_class.needs:
+                name = f"observation.classes: {quality_class.name} asks for {limit}"
+                if not self.camera.exposure_s:
+                    raise ValueError(f"{name}, which needs camera.exposure_s; give the exposure in seconds")
+                if limit == "min_snr" and self.body.albedo is None:
+                    raise ValueError(f"{name}, which needs body.albedo; give it, 0.04 to 0.4 for most small bodies")
+        return self
+
+    @model_validator(mode="after")
     def _formation_has_thrusters(self) -> Self:
         if self.swarm is None or (formation := self.swarm.formation) is None:
             return self

@@ -78,6 +78,13 @@ class Body(Section):
         (50.0, 2.0e6),
         description="between which the largest vertex radius is believed [m]; guards against kilometres taken for metres",
     )
+    albedo: float | None = Field(
+        None,
+        gt=0,
+        le=1,
+        description="brightness of the surface under the Sun in its zenith, over that of a white Lambert surface [-], for "
+        "signal to noise; null: not known",
+    )
     gravity: GravityModel = Field(default_factory=GravityModel)
     rotation: RotationState = Field(default_factory=RotationState)
     orbit: HeliocentricOrbit = Field(default_factory=HeliocentricOrbit)

@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from swarm_mj.scenarios.constants import CUBESAT_APERTURE_M, GREEN_LIGHT_M
+from swarm_mj.scenarios.schema_quality import PACKAGED, Classes
 from swarm_mj.scenarios.section import Section
 
 #: Least `observation.min_fraction` by which whole cells are meant: counts of pixels do not tell 99 % of a cell from all of it.
@@ -45,10 +46,33 @@ class Camera(Section):
         CUBESAT_APERTURE_M,
         ge=1e-4,
         le=100,
-        description="diameter of the lens [m], for ground_resolution_m; assumed: it fits a 3U CubeSat's face",
+        description="diameter of the lens [m], for ground_resolution_m and signal to noise; assumed: it fits a 3U "
+        "CubeSat's face",
     )
     wavelength_m: float = Field(
-        GREEN_LIGHT_M, ge=1e-9, le=1e-2, description="of the light [m], for ground_resolution_m; default: green"
+        GREEN_LIGHT_M,
+        ge=1e-9,
+        le=1e-2,
+        description="of the light [m], for ground_resolution_m and signal to noise; default: green",
+    )
+    bandwidth_m: float = Field(
+        300e-9,
+        gt=0,
+        le=1e-5,
+        description="width of the band about wavelength_m [m], for signal to noise; assumed: 0.4 to 0.7 um",
+    )
+    quantum_efficiency: float = Field(
+        0.4,
+        gt=0,
+        le=1,
+        description="electrons for each photon that enters the lens, losses in the optics included [-], for signal to noise; "
+        "assumed",
+    )
+    read_noise: float = Field(
+        10.0,
+        ge=0,
+        le=1e6,
+        description="of a pixel, electrons rms [-], for signal to noise; assumed: of a CMOS detector",
     )
 
 
@@ -109,6 +133,12 @@ class Observation(Section):
         "tenth of the light is left, and shadows of what is smaller than a face cover it",
     )
     occlusion: bool = Field(True, description="whether the body hides faces behind it; the paper culls and clips only")
+    classes: Classes = Field(
+        (),
+        max_length=16,
+        description=f"what else maps a face, beside having been seen: {', '.join(PACKAGED)}, or classes of your own; "
+        "docs/how-to/quality_classes.md",
+    )
 
     @property
     def whole(self) -> bool:
