@@ -18,7 +18,7 @@ from swarm_mj.figures.style import SMALL_PT, caption, new_figure
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.coverage import percent_text
-from swarm_mj.records.cells import QUANTITIES, Quantity
+from swarm_mj.records.cells import MAPPED, quantity
 from swarm_mj.typing import Array
 
 #: Columns that are shown, where the run has them, with colours; reversed where little is good.
@@ -28,7 +28,10 @@ PANELS = {
     "observers": "viridis",
     "gsd_m": "viridis_r",
     "convergence_deg": "viridis",
-    "emission_deg": "viridis_r",
+    "least_emission_deg": "viridis_r",
+    "light_varied_deg": "viridis",
+    "height_dop": "viridis_r",
+    "slope_dop": "viridis_r",
     "incidence_deg": "viridis_r",
     "first_seen_s": "cividis_r",
     "arrives_s": "cividis_r",
@@ -41,7 +44,7 @@ NARROW_DEG, MARGIN_DEG = 100.0, 4.0
 #: Numbers of more steps than these get a scale without them.
 MOST_STEPS = 12
 #: Columns with a logarithmic scale where values differ much.
-LOGARITHMIC = ("gsd_m", "arrives_s", "first_seen_s")
+LOGARITHMIC = ("gsd_m", "height_dop", "slope_dop", "arrives_s", "first_seen_s")
 #: Values that differ by more than this factor are coloured by their logarithm.
 WIDE = 20.0
 
@@ -80,13 +83,13 @@ def extent_of(region: TargetRegion) -> MapExtent:
 
 def shown_columns(cells: pd.DataFrame) -> list[str]:
     """Columns that are shown in colours."""
-    return [name for name in cells if name in PANELS or name.startswith("mapped_")]
+    return [name for name in cells if name in PANELS or name.startswith(MAPPED)]
 
 
 def title_of(name: str) -> str:
     """A column in words, with its unit."""
-    quantity = QUANTITIES.get(name, Quantity(name.replace("_", " "), "1", ""))
-    return quantity.title if quantity.unit == "1" else f"{quantity.title} [{quantity.unit}]"
+    known = quantity(name)
+    return known.title if known.unit == "1" else f"{known.title} [{known.unit}]"
 
 
 def scale_of(name: str, column: pd.Series) -> tuple[Colormap, Normalize]:

@@ -23,7 +23,7 @@ from swarm_mj.interop.kernels import frames, write_dsk
 from swarm_mj.interop.states import FlightStates
 from swarm_mj.io.spice import spiceypy
 from swarm_mj.products.grids import MapGrid, map_grids, rasterio
-from swarm_mj.records.cells import QUANTITIES, Quantity
+from swarm_mj.records.cells import quantity
 from swarm_mj.typing import Array, Ints
 
 #: What lists the files; only a folder that has it is written again.
@@ -123,7 +123,7 @@ def _contents(mapped: Mapped, folder: Path, chosen: list[str]) -> dict[str, Any]
         "frame": "A, body-fixed, z along the spin axis, origin in the centre of mass; metres",
         "cells": len(cells),
         "area_m2": float(mapped.plan.region.total_area),
-        "quantities": {name: _described(name)._asdict() for name in cells},
+        "quantities": {name: quantity(name)._asdict() for name in cells},
     }
     if "geotiff" in chosen:
         shown = np.unique(mapped.cell_of_face[mapped.grids[0].faces(mapped.plan.region.mesh)])
@@ -141,10 +141,6 @@ def _contents(mapped: Mapped, folder: Path, chosen: list[str]) -> dict[str, Any]
     return contents
 
 
-def _described(name: str) -> Quantity:
-    return QUANTITIES.get(name, Quantity(name, "1", name))
-
-
 def _pyarrow() -> Any:
     try:
         import pyarrow
@@ -158,7 +154,7 @@ def _parquet(mapped: Mapped, folder: Path) -> None:
     """One row a cell, with unit and meaning of each column in the metadata of its field."""
     arrow = _pyarrow()
     table = arrow.Table.from_pandas(mapped.cells.reset_index())
-    fields = [field.with_metadata(_described(field.name)._asdict()) for field in table.schema]
+    fields = [field.with_metadata(quantity(field.name)._asdict()) for field in table.schema]
     schema = arrow.schema(fields, metadata=table.schema.metadata)
     arrow.parquet.write_table(table.cast(schema), folder / "cells.parquet")
 
@@ -171,16 +167,16 @@ def _geotiff(mapped: Mapped, folder: Path) -> None:
         place.mkdir()
         for name in mapped.maps:
             values = np.append(mapped.by_face(name), np.nan)[faces].astype(np.float32)  # face -1: no ground
-            quantity = _described(name)
+            what = quantity(name)
             with library.open(
                 place / f"{name}.tif", "w", driver="GTiff", height=grid.shape[0], width=grid.shape[1], count=1,
                 dtype="float32", crs=grid.crs, transform=grid.transform, nodata=NO_DATA, compress="deflate",
             ) as tif:  # fmt: skip
                 tif.write(values, 1)
                 tif.set_band_description(1, name)
-                tif.set_band_unit(1, quantity.unit)
+                tif.set_band_unit(1, what.unit)
                 tif.update_tags(
-                    TIFFTAG_SOFTWARE=f"swarm_mj {__version__}", TIFFTAG_IMAGEDESCRIPTION=quantity.meaning,
+                    TIFFTAG_SOFTWARE=f"swarm_mj {__version__}", TIFFTAG_IMAGEDESCRIPTION=what.meaning,
                     body=scenario.body.name, scenario=scenario.name,
                 )  # fmt: skip
 

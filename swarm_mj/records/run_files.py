@@ -21,6 +21,7 @@ from swarm_mj.io.arrays import Declared, read_arrays
 from swarm_mj.io.atomic import write_text
 from swarm_mj.mission.links import Obstacle
 from swarm_mj.observation.coverage import Cause
+from swarm_mj.records.cells import MAPPED
 from swarm_mj.scenarios.loading import design_record
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.telemetry import FARTHEST, REMEDY
@@ -62,8 +63,6 @@ COVERAGE = {
         for name in ("height_dop", "slope_dop", "albedo_dop")
     },
 }
-#: Whether a quality class maps each cell is the array of its name after this.
-MAPPED = "mapped_"
 #: Of a target that is the whole body no rest is left.
 _EMPTY_WITHOUT_REST = ("body_vertices", "body_faces")
 #: Largest number of bits, or of a station, and latest time [s], that a file may hold.

@@ -19,6 +19,8 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.io.atomic import MARKER
 from swarm_mj.io.records import read_record, reading, record_from
 from swarm_mj.observation.coverage import CoverageMap, KeptPictures
+from swarm_mj.observation.quality import Figures, Quality
+from swarm_mj.records.cells import MAPPED
 from swarm_mj.records.modes import LOST, modes_shown
 from swarm_mj.records.run_files import read_coverage, read_delivery
 from swarm_mj.records.summary_schema import Event, RunSummary, contradiction
@@ -124,10 +126,23 @@ def read_run(folder: Path) -> RunRecord:
         summary=summary,
         scenario=read_scenario(folder / "scenario.yaml"),
         telemetry=telemetry,
-        coverage=read_coverage(folder / "coverage.npz", SHOWN, **sizes),
+        coverage=read_coverage(folder / "coverage.npz", (*SHOWN, *Figures._fields, *_classes(summary)), **sizes),
         design=read_record(design, DesignRecord, REMEDY) if os.path.lexists(design) else None,
         delivery=delivery,
     )
+
+
+def _classes(summary: dict[str, Any]) -> list[str]:
+    """Arrays of what quality classes map."""
+    return [f"{MAPPED}{name}" for name in summary.get("classes", {})]
+
+
+def _quality(record: RunRecord) -> Quality | None:
+    """What quality classes map, where the run has some."""
+    if "looks" not in record.coverage:
+        return None
+    mapped = {name.removeprefix(MAPPED): record.coverage[name] for name in _classes(record.summary)}
+    return Quality(mapped, Figures(**{name: record.coverage[name] for name in Figures._fields}))
 
 
 def observation_of(record: RunRecord, plan: Plan) -> ObservationResult:
@@ -160,6 +175,7 @@ def observation_of(record: RunRecord, plan: Plan) -> ObservationResult:
         why=record.coverage["why"],
         kept=kept,
         delivery=record.delivery,
+        quality=_quality(record),
     )
 
 
