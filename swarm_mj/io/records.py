@@ -7,7 +7,6 @@ the plain mapping as it stands in the file.
 from __future__ import annotations
 
 import json
-import math
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -98,8 +97,7 @@ def record_from(raw: bytes | str, model: Any) -> Any:
     except (ValueError, RecursionError):
         raise ValueError("no JSON") from None
     try:
-        # Without a limit to numbers: volumes [m^3] and covariances are larger than what a scenario says.
-        check_data(data, most=MAX_RECORD_VALUES, too_large=math.inf, what="record", refusal=ValueError)
+        check_data(data, most=MAX_RECORD_VALUES, what="record", refusal=ValueError)
         TypeAdapter(model).validate_python(data)
     except ValidationError as error:
         raise ValueError(_first_of(error)) from None

@@ -34,7 +34,7 @@ def check_data(
     source: str = "",
     *,
     most: int = MAX_VALUES,
-    too_large: float = TOO_LARGE,
+    too_large: float = math.inf,
     what: str = "scenario",
     refusal: type[Exception] = ScenarioError,
 ) -> None:

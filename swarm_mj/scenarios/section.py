@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, model_validator
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.io.values import shown
+from swarm_mj.io.values import TOO_LARGE, check_data, shown
 
 #: Of a position [m], up to some 7 au: two days before a fast flyby a mothership is 1e9 m away.
 Component = Annotated[float, Field(ge=-1e12, le=1e12)]
@@ -45,6 +45,9 @@ class Section(BaseModel):
     def _kinds_are_kept(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
         """Refuse text and true or false in the place of a number, and the other way round, which pydantic would convert."""
         section = handler(data)
+        # After the bounds of the fields, which say more.
+        values = {field.alias or name: getattr(section, name) for name, field in cls.model_fields.items()}
+        check_data(values, too_large=TOO_LARGE, refusal=ValueError)
         for name, field in cls.model_fields.items() if isinstance(data, Mapping) else ():
             if (key := field.alias or name) in data and (odd := _changed(data[key], getattr(section, name))):
                 given, kind = odd
