@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import islice
 from typing import Any
 
 import pandas as pd
@@ -15,6 +16,9 @@ from swarm_mj.cli.common import narrowest
 from swarm_mj.observation.coverage import percent_digits, rounded_up_digits
 from swarm_mj.records.observed import causes_text, criterion_text, mapped_texts
 from swarm_mj.records.summary import working
+
+#: Rows of `_ROWS` that come before those of quality classes.
+OBSERVED_ROWS = 6
 
 
 def results_tables(console: Console, summaries: Sequence[dict[str, Any]]) -> Iterator[Table]:
@@ -40,9 +44,9 @@ def results_table(summaries: Sequence[dict[str, Any]]) -> Table:
         if any("motion_blur_px_arrival" in s for s in summaries)
         else {}
     )
-    labels = dict.fromkeys(label for summary in summaries for label in mapped_texts(summary))
-    mapped = {label: partial(_mapped, label) for label in labels}
-    for label, cell in (_OBSERVED | mapped | _ROWS | blurred).items():
+    mapped = {label: partial(_mapped, label) for summary in summaries for label in mapped_texts(summary)}
+    observed = dict(islice(_ROWS.items(), OBSERVED_ROWS))
+    for label, cell in (observed | mapped | _ROWS | blurred).items():
         table.add_row(escape(label), *(cell(summary) for summary in summaries))
     return table
 
@@ -96,15 +100,13 @@ def _crew(summary: dict[str, Any]) -> str:
     return f"{summary['spacecraft']} ({summary['observers']}){lost}"
 
 
-_OBSERVED: dict[str, Callable[[dict[str, Any]], str]] = {
+_ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "spacecraft (of them observers)": _crew,
     "target faces": lambda s: str(s["target_faces"]),
     "criterion, camera half-angle": lambda s: f"{criterion_text(s)}, {s['camera_half_angle_deg']:g} deg",
     "observed area P_TO [%]": lambda s: percent_digits(s["coverage_percent"]),
     "the same, whole passage [%]": lambda s: percent_digits(s["coverage_percent_passage"]),
     "not observed, by cause": lambda s: causes_text(s) or "-",
-}
-_ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "of the target delivered to Earth [%]": _delivered,
     "all that was seen on Earth, t [s]; by the best of these slots": _complete,
     "GSD observed, min / median / max [m]": _sampled,
