@@ -243,6 +243,8 @@ def design(
             keep = stack.enter_context(ExitStack())
             folder = None if place is None else stack.enter_context(atomic_folder(place, result, stages.say))
             study = study_design(scenario, pareto=pareto, workers=workers, tell=_teller(scenario, bars))
+            if study.visibility.resumed:
+                stages.say(study.visibility.resumed)
             if study.interrupted:
                 keep.enter_context(held())
                 _check_nothing_lost(study, place, stages)

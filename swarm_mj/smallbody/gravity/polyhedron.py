@@ -49,8 +49,8 @@ MIN_WIRE_GAP = 1e-300
 FAR_RADII = (1.75, 2.0)
 #: Degree of the harmonics; the sphere on which they are fitted, over the largest radius; and the degrees beyond that the fit
 #: resolves: higher ones alias weakened by 1.5^-80 = 8e-15. What rounding adds there to a coefficient of degree n has fallen by
-#: 0.86^n at the first distance: there attractions agree to 3e-13, gradients to 2e-12, as measured with 4,092 faces of a dumb-bell
-#: and 8,000 of Eros.
+#: 0.86^n at the first distance: there attractions agree to 3e-13, gradients to 2e-12, as measured with a dumb-bell of 4,092
+#: faces and Eros of 8,000.
 FAR_DEGREE, FIT_RADII, FIT_MARGIN = 60, 1.5, 10
 #: Terms of the sums that are worth a thread of their own, some milliseconds.
 LEAST_TERMS = 100_000
@@ -158,7 +158,7 @@ class Polyhedron:
             )
             kept = np.stack([field.c, field.s])
             store_array(file, kept)
-        return SphericalHarmonics(self.gm, radius, *kept, bounded=True)
+        return SphericalHarmonics(self.gm, radius, kept[0], kept[1], bounded=True)
 
     def _near_and_far(self, r_A: Array, near: Callable[[Array], Array], far: Callable[[Array], Array]) -> Array:
         """The sums near the body, the harmonics far away, and between them a smooth passage from one to the other."""
