@@ -40,9 +40,7 @@ def test_a_design_on_a_local_cluster_is_that_of_this_machine_bit_for_bit(tmp_pat
     monkeypatch.setenv("SWARM_MJ_CACHE", str(tmp_path / "there"))
     monkeypatch.setattr("swarm_mj.designer.candidates.visibility.fly", flown_here)
     with LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=None) as cluster:
-        there = sm.design(
-            "eros-quick", SMALL, out=tmp_path / "b", figures=False, scheduler=cluster.scheduler_address
-        )
+        there = sm.design("eros-quick", SMALL, out=tmp_path / "b", figures=False, scheduler=cluster.scheduler_address)
     assert not there.study.visibility.resumed
     for own, other in zip(*(np.load(tmp_path / name / "sightings.npz").items() for name in "ab"), strict=True):
         assert own[0] == other[0] and np.array_equal(own[1], other[1])
