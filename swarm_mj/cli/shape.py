@@ -77,13 +77,13 @@ def _describe(shape: ShapeModel, out: Path | None) -> int:
 
 def _fit(arguments: argparse.Namespace) -> int:
     from swarm_mj.io.atomic import write_text
-    from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
-    from swarm_mj.smallbody.gravity.truncation import MAX_FITTED_DEGREE, fitted_field, gravity_text, truncation_errors
+    from swarm_mj.smallbody.gravity.polyhedron import FAR_DEGREE, Polyhedron
+    from swarm_mj.smallbody.gravity.truncation import gravity_text, truncated_field, truncation_errors
 
-    if not 2 <= arguments.degree <= MAX_FITTED_DEGREE:
-        raise ShapeError(f"--degree {arguments.degree}: must be from 2 to {MAX_FITTED_DEGREE}")
+    if not 2 <= arguments.degree <= FAR_DEGREE:
+        raise ShapeError(f"--degree {arguments.degree}: must be from 2 to {FAR_DEGREE}")
     body = Polyhedron(_read(arguments), density=arguments.density, gm=arguments.gm)
-    field = fitted_field(body, arguments.degree)
+    field = truncated_field(body, arguments.degree)
     found = [
         f"{body.shape.name} of constant density to degree {field.degree}; it holds beyond the reference radius alone",
         *(f"at {share:g} radii ({share * field.reference_radius:.6g} m) off by up to {most:.1e} of the attraction"

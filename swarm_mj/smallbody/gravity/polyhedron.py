@@ -131,13 +131,13 @@ class Polyhedron:
 
     def potential(self, r_A: Array) -> Array:
         """Potential [m^2/s^2], positive, shape (n,), at positions in A [m], shape (n, 3)."""
-        return self._near_and_far(r_A, lambda r: self._sums(r)[:, 0], lambda r: self.far_field.potential(r))
+        return self._near_and_far(r_A, lambda r: self.sums(r)[:, 0], lambda r: self.far_field.potential(r))
 
     def gradient(self, r_A: Array) -> Array:
         """Gradient of the acceleration [1/s^2], shape (n, 3, 3), at positions in A [m], shape (n, 3)."""
         symmetric = [4, 5, 6, 5, 7, 8, 6, 8, 9]
         return self._near_and_far(
-            r_A, lambda r: self._sums(r)[:, symmetric].reshape(-1, 3, 3), lambda r: self.far_field.gradient(r)
+            r_A, lambda r: self.sums(r)[:, symmetric].reshape(-1, 3, 3), lambda r: self.far_field.gradient(r)
         )
 
     def laplacian(self, r_A: Array) -> Array:
@@ -154,7 +154,7 @@ class Polyhedron:
         kept = load_array(file, shape, np.float64)
         if kept is None:
             field = fit_harmonics(
-                lambda r_A: self._sums(r_A)[:, 0], self.gm, radius, FAR_DEGREE, FIT_RADII * radius, margin=FIT_MARGIN
+                lambda r_A: self.sums(r_A)[:, 0], self.gm, radius, FAR_DEGREE, FIT_RADII * radius, margin=FIT_MARGIN
             )
             kept = np.stack([field.c, field.s])
             store_array(file, kept)
@@ -175,7 +175,8 @@ class Polyhedron:
         field[within] = _mixed(near(r_A[within]), field[within], weight[within])
         return field
 
-    def _sums(self, r_A: Array) -> Array:
+    def sums(self, r_A: Array) -> Array:
+        """Potential, attraction and xx, xy, xz, yy, yz, zz of its gradient by the sums alone, shape (n, 10)."""
         r_A = positions(r_A)
         if (parts := min(usable_threads(), len(r_A) * len(self.shape.faces) // LEAST_TERMS)) < 2:
             return np.asarray(_field(r_A, self.elements))
@@ -185,7 +186,7 @@ class Polyhedron:
     def _near(self, r_A: Array) -> Array:
         if self.cell > 0.0:
             return np.asarray(_attraction_in_cells(positions(r_A), self.elements, self.cell))
-        return self._sums(r_A)[:, 1:4]
+        return self.sums(r_A)[:, 1:4]
 
     @cached_property
     def in_cells(self) -> Polyhedron:

@@ -11,28 +11,23 @@ import numpy as np
 
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
-from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics, fit_harmonics
+from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
 
-#: Highest degree that is fitted: rounding grows by 1.25^n on the way in from the sphere of the fit.
-MAX_FITTED_DEGREE = 100
 #: Spheres on which both fields are compared, over the largest radius, and the frequency of the geodesic mesh of places there.
 SHELLS, FREQUENCY = (1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0), 7
-#: Sphere of the fit, over the largest radius, and what share of the potential may be aliased there.
-FIT_RADII, ALIASED = 1.25, 1e-13
 
 
-def fitted_field(body: Polyhedron, degree: int) -> SphericalHarmonics:
-    """Its field in harmonics to a degree that refer to the largest radius of the shape."""
-    radius = body.shape.max_radius
-    margin = max(5, int(np.ceil(0.5 * (np.log(ALIASED) / -np.log(FIT_RADII) - degree))))
-    return fit_harmonics(body.potential, body.gm, radius, degree, FIT_RADII * radius, margin=margin)
+def truncated_field(body: Polyhedron, degree: int) -> SphericalHarmonics:
+    """The harmonics of its `far_field` to a degree; they refer to the largest radius of the shape."""
+    far, size = body.far_field, degree + 1
+    return SphericalHarmonics(body.gm, far.reference_radius, far.c[:size, :size], far.s[:size, :size])
 
 
 def truncation_errors(body: Polyhedron, field: SphericalHarmonics) -> Iterator[tuple[float, float]]:
-    """For each of `SHELLS` the largest difference of the attractions as a share of the polyhedron's."""
+    """For each of `SHELLS` the largest difference of the attractions as a share of that by the sums."""
     for share in SHELLS:
         r_A = share * body.shape.max_radius * geodesic_icosahedron(FREQUENCY)[0]
-        true = body.acceleration(r_A)
+        true = body.sums(r_A)[:, 1:4]
         off = np.linalg.norm(field.acceleration(r_A) - true, axis=1) / np.linalg.norm(true, axis=1)
         yield share, float(off.max())
 
