@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,12 +17,15 @@ from swarm_mj.designer.study import Growth, Study, Tell, extensions, growth, stu
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import check_plugins
 from swarm_mj.io.atomic import MARKER, Result, atomic_folder
+from swarm_mj.io.cluster import Cluster
 from swarm_mj.io.interruption import held
 from swarm_mj.io.machine import check_workers
 from swarm_mj.io.progress import Shown, Stages, using_bars
 from swarm_mj.io.records import bytes_of
+from swarm_mj.io.workers import Runner
 from swarm_mj.observation.coverage import percent_text
 from swarm_mj.records.design_files import design_record, left_out_words, write_design, write_growth
+from swarm_mj.records.summary import library_versions
 from swarm_mj.scenarios import schema
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource, design_overrides
 
@@ -208,6 +211,7 @@ def design(
     pareto: bool = False,
     compare: bool = False,
     workers: int | None = None,
+    scheduler: str | None = None,
     figures: bool = True,
     pdf: bool = False,
     progress: Shown = None,
@@ -222,6 +226,8 @@ def design(
         pareto: Whether to trade spacecraft against delta-v and area too (NSGA-II).
         compare: Whether to find the minimum under demands and freedoms beyond the paper too.
         workers: Processes for the candidates' pictures; None: one per core.
+        scheduler: Address of a Dask cluster's scheduler whose workers fly and judge the candidates instead, e.g.
+            tcp://host:8786; evolution and proof run here.
         figures: Whether to write the pictures into the folder as PNG, and with `pdf` as PDF too.
         pdf: See `figures`.
         progress: Whether to show progress bars, or the bars to use; None: on a terminal and in notebooks, after 2 s.
@@ -236,13 +242,15 @@ def design(
     check_plugins(scenario)
     check_workers(workers)
     place, result = None if out is None else Path(out), Result("design", scenario.name)
-    with using_bars(progress) as bars:
+    with using_bars(progress) as bars, _runner(workers, scheduler) as runner:
         stages = Stages(scenario.name, bars)
         with ExitStack() as stack:
             # Left last: an interruption that is kept back from now on comes when the best design so far is in its place.
             keep = stack.enter_context(ExitStack())
             folder = None if place is None else stack.enter_context(atomic_folder(place, result, stages.say))
-            study = study_design(scenario, pareto=pareto, workers=workers, tell=_teller(scenario, bars))
+            study = study_design(scenario, pareto=pareto, workers=runner, tell=_teller(scenario, bars))
+            if study.visibility.resumed:
+                stages.say(study.visibility.resumed)
             if study.interrupted:
                 keep.enter_context(held())
                 _check_nothing_lost(study, place, stages)
@@ -257,12 +265,23 @@ def design(
         # The proven design is in its place: whatever ends the rest, however roughly, leaves it there.
         with _told_where_it_is(found, stages):
             if compare:
-                rows = _compared(scenario, bars, workers)
+                rows = _compared(scenario, bars, runner)
                 found = Design(scenario, found.record, study=study, compared=rows, folder=place)
             if place is not None and (compare or figures):
                 with atomic_folder(place, result) as folder:
                     found.write(folder, figures=figures, pdf=pdf)
     return found
+
+
+@contextmanager
+def _runner(workers: int | None, scheduler: str | None) -> Iterator[int | Runner | None]:
+    """Who flies and judges candidates: so many processes, or a cluster."""
+    if scheduler is None:
+        yield workers
+        return
+    kept = "what is flown and judged is kept: give the same command again"
+    with closing(Cluster(scheduler, library_versions, kept)) as cluster:
+        yield cluster.run_jobs
 
 
 @contextmanager
@@ -311,7 +330,7 @@ def _teller(scenario: schema.Scenario, bars: Progress | None) -> Tell | None:
     return tell
 
 
-def _compared(scenario: schema.Scenario, bars: Progress | None, workers: int | None) -> list[Growth]:
+def _compared(scenario: schema.Scenario, bars: Progress | None, workers: int | Runner | None) -> list[Growth]:
     bars, total = bars or Progress(disable=True), len(extensions(scenario))
     task = bars.add_task("beyond the paper", total=total)
     started: list[str] = []

@@ -78,6 +78,9 @@ def add(commands: argparse._SubParsersAction) -> None:
         "--compare", action="store_true", help="print how the minimum grows with demands beyond the paper"
     )
     design.add_argument("--workers", type=int, metavar="N", help="processes for the pictures (default: one per core)")
+    design.add_argument(
+        "--scheduler", metavar="ADDRESS", help="fly candidates on the Dask cluster there, e.g. tcp://host:8786"
+    )
     add_common(design, seed_of="the genetic algorithm")
     what = "Fly a scenario in MuJoCo's viewer; needs a display."
     view = add_command(commands, "view", _view, "watch a scenario fly in MuJoCo's viewer", what)
@@ -150,6 +153,7 @@ def _design(arguments: argparse.Namespace) -> int:
             pareto=arguments.pareto,
             compare=arguments.compare,
             workers=arguments.workers,
+            scheduler=arguments.scheduler,
             figures=not arguments.no_figures,
             pdf=arguments.pdf,
             progress=bars,

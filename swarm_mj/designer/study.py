@@ -22,6 +22,7 @@ from swarm_mj.designer.exact import ExactResult, Waiting, solve_budget, solve_ex
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.io.interruption import held
+from swarm_mj.io.workers import Runner
 from swarm_mj.observation.coverage import Cause
 from swarm_mj.scenarios.itinerary import target_name
 from swarm_mj.scenarios.loading import load_scenario
@@ -146,14 +147,14 @@ def cover_problem(scenario: Scenario, seen: Visibility) -> CoverProblem:
 
 
 def study_design(
-    scenario: Scenario, *, pareto: bool = False, workers: int | None = None, tell: Tell | None = None
+    scenario: Scenario, *, pareto: bool = False, workers: int | Runner | None = None, tell: Tell | None = None
 ) -> Study:
     """Solve a scenario's design problem both ways.
 
     Args:
         scenario: The problem; `designer` and `observation` say how it is read.
         pareto: Whether to trade spacecraft against delta-v and area too.
-        workers: Processes for the candidates' pictures; default: one per core.
+        workers: See `visibility`.
         tell: Told how far each stage is.
 
     Returns:
@@ -323,7 +324,7 @@ def _enumerated(values: Sequence[float], unit: float = 1.0) -> str:
     return f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def growth(scenario: Scenario, *, workers: int | None = None, stage: Stage | None = None) -> list[Growth]:
+def growth(scenario: Scenario, *, workers: int | Runner | None = None, stage: Stage | None = None) -> list[Growth]:
     """The proven minimum under each of `extensions`, of seeing alone: when the map is on Earth is not asked."""
     rows = []
     scenario = load_scenario(scenario, {"designer.deliver_within_h": None})
@@ -334,7 +335,7 @@ def growth(scenario: Scenario, *, workers: int | None = None, stage: Stage | Non
     return rows
 
 
-def _grown(change: str, scenario: Scenario, overrides: dict[str, Any], workers: int | None) -> Growth:
+def _grown(change: str, scenario: Scenario, overrides: dict[str, Any], workers: int | Runner | None) -> Growth:
     try:
         scenario = load_scenario(scenario, overrides)
         seen = visibility(scenario, workers=workers)

@@ -107,7 +107,11 @@ class Plan:
 
 
 def make_plan(
-    scenario: Scenario, *, check_separation: bool = True, progress: Callable[[float], None] | None = None
+    scenario: Scenario,
+    *,
+    check_separation: bool = True,
+    progress: Callable[[float], None] | None = None,
+    known: tuple[Deployment, Array] | None = None,
 ) -> Plan:
     """Work out target, visiting points, trajectories and plug-ins.
 
@@ -116,6 +120,7 @@ def make_plan(
         check_separation: Whether to look for near-collisions, and for an impact of the communications spacecraft; candidates of
             a design do not fly together, and the one that would go between all of them never flies.
         progress: Called with the share done, 0 to 1.
+        known: Deployment and `least_radius` of this very scenario, which are then neither worked out nor checked again.
 
     Raises:
         SwarmError: Shape, target, plug-in or trajectory cannot be had; the message says why. A `PathError` says whose paths.
@@ -139,19 +144,23 @@ def make_plan(
         _refuse_impacts(scenario, [replace(one, spacecraft=int(who[counts][one.spacecraft])) for one in impacts])
 
     push, most_m_s = push_of(properties, own), scenario.mothership.deployer.max_speed_m_s
-    deployment = deploy(
-        environment,
-        mothership_N=mothership.r_N,
-        mothership_velocity=mothership.velocity,
-        **legs(scenario, stops, points_A, behavior),
-        progress=progress,
-        foresee=foresee if push is None or most_m_s is None else None,  # insertion burns lead elsewhere
-    )
-    deployment = with_insertion(scenario, environment.acceleration_N, deployment, push, candidates)
-    check_burns(deployment, push)
-    check_deployer(scenario.mothership.deployer, deployment, candidates)
-    check_relays(scenario.data.relays, len(deployment.v0_N))
-    near_collisions, least_radius = _check_flight(scenario, shape, environment, deployment, candidates)
+    near_collisions: list[CloseApproach] = []
+    if known is not None:
+        deployment, least_radius = replace(known[0], push=push if known[0].burns else None), known[1]
+    else:
+        deployment = deploy(
+            environment,
+            mothership_N=mothership.r_N,
+            mothership_velocity=mothership.velocity,
+            **legs(scenario, stops, points_A, behavior),
+            progress=progress,
+            foresee=foresee if push is None or most_m_s is None else None,  # insertion burns lead elsewhere
+        )
+        deployment = with_insertion(scenario, environment.acceleration_N, deployment, push, candidates)
+        check_burns(deployment, push)
+        check_deployer(scenario.mothership.deployer, deployment, candidates)
+        check_relays(scenario.data.relays, len(deployment.v0_N))
+        near_collisions, least_radius = _check_flight(scenario, shape, environment, deployment, candidates)
     encounter_findings: tuple[str, ...] = ()
     if check_separation:
         encounter_findings = EncounterCheck(

@@ -10,17 +10,20 @@ import hashlib
 import math
 import os
 import time
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.io.arrays import MAX_HEADER
+from swarm_mj.io.arrays import MAX_HEADER, Declared, arrays_in
 from swarm_mj.io.atomic import replacing
 from swarm_mj.io.records import require_file
 
+#: Arrays by name.
+Arrays = dict[str, NDArray[Any]]
 #: Half-written files of this age [s] belong to processes that were killed.
 ABANDONED_S = 3600.0
 
@@ -59,15 +62,35 @@ def load_array(file: Path, shape: tuple[int, ...], dtype: type[np.floating[Any]]
     return array
 
 
+def load_arrays(file: Path, declared: Mapping[str, Declared], may_be_empty: Collection[str] = ()) -> Arrays | None:
+    """Kept arrays by name, or None if they are missing, damaged, or not as declared."""
+    try:
+        arrays = arrays_in(file, declared, may_be_empty=may_be_empty)
+    except Exception:  # zipfile, zlib and NumPy each have their own for a broken file
+        return None
+    with suppress(OSError):
+        os.utime(file)
+    return arrays
+
+
 def store_array(file: Path, array: NDArray[Any], *, folder_bytes: int | None = None) -> None:
     """Keep an array; a cache that cannot be written only costs time.
 
     Of all files in its folder together those used longest ago, never this one, make room beyond `folder_bytes`; None: none.
     """
+    _store(file, lambda out: np.save(out, array), folder_bytes)
+
+
+def store_arrays(file: Path, arrays: Arrays, *, folder_bytes: int | None = None) -> None:
+    """Keep arrays by name in one file, otherwise as `store_array`."""
+    _store(file, lambda out: np.savez(out, **arrays), folder_bytes)  # type: ignore[arg-type]
+
+
+def _store(file: Path, write: Callable[[IO[bytes]], object], folder_bytes: int | None) -> None:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with replacing(file) as partial, partial.open("wb") as out:
-            np.save(out, array)
+            write(out)
     except OSError:
         return
     if folder_bytes is not None:
@@ -81,7 +104,7 @@ def _make_room(newest: Path, limit: int) -> None:
     for path in newest.parent.iterdir():
         with suppress(OSError):  # another process was faster
             state = path.stat()
-            if path.suffix == ".npy":
+            if path.suffix in (".npy", ".npz"):
                 kept.append((state.st_mtime, state.st_size, path))
             elif path.suffix == ".partial" and time.time() - state.st_mtime > ABANDONED_S:
                 path.unlink()

@@ -19,6 +19,8 @@ from swarm_mj.io import interruption
 
 #: A forecast is made after so long [s], and told where the whole takes longer than this [s].
 FORECAST_AFTER_S, LONG_S = 2.0, 60.0
+#: Share of the work from which on its rate counts even where that took less time.
+WATCHED = 0.1
 #: What nobody asked to be shown is, where somebody looks, after so long [s].
 LATE_S = 2.0
 #: Whether bars are shown: True, False, the bars to use, or None, which leaves it to how long the work takes and who looks.
@@ -89,17 +91,31 @@ class LateBars(Bars):
 
 
 class Remaining(ProgressColumn):
-    """The time that is left: by the speed of late, or by that since the beginning where steps are minutes apart."""
+    """The time that is left, by the rate since work got on its way: what starts or compiles before the first step counts not.
+
+    It is told once that rate has been watched for `FORECAST_AFTER_S`, or over `WATCHED` of the work.
+    """
 
     max_refresh = 0.5
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._first: dict[TaskID, tuple[float, float]] = {}
+
     def render(self, task: Task) -> Text:
         """The time left as h:mm:ss."""
-        left = 0.0 if task.finished else task.time_remaining
-        if left is None and task.total and task.completed > 0.0 and task.elapsed:
-            left = task.elapsed * (task.total - task.completed) / task.completed
+        left = 0.0 if task.finished else self._left(task)
         words = "-:--:--" if left is None else str(timedelta(seconds=max(0, int(left))))
         return Text(words, style="progress.remaining")
+
+    def _left(self, task: Task) -> float | None:
+        if not (task.total and task.elapsed and task.completed > 0.0):
+            return None
+        began, before = self._first.setdefault(task.id, (task.elapsed, task.completed))
+        done, took = task.completed - before, task.elapsed - began
+        if done <= 0.0 or (took < FORECAST_AFTER_S and done < WATCHED * task.total):
+            return None
+        return took * (task.total - task.completed) / done
 
 
 def progress_bars(console: Console, quiet: bool = False, kind: type[Bars] = Bars) -> Progress:

@@ -26,6 +26,8 @@ from swarm_mj.io import interruption
 from swarm_mj.io.machine import ONE_THREAD
 
 Key = TypeVar("Key")
+#: Who runs jobs, as `run_jobs` does with `workers` processes: called with jobs and `work`, and with `setup` and `arguments`.
+Runner = Callable[..., Iterator[tuple[Any, Any]]]
 
 #: Whether processes are forks.
 FORKS = sys.platform == "linux"

@@ -33,7 +33,7 @@ def test_a_local_cluster_gives_the_same_bits_as_local_processes(write, tmp_path)
 
 
 def test_nobody_at_the_address_is_a_clear_error(write, tmp_path, monkeypatch):
-    monkeypatch.setattr("swarm_mj.campaigns.pools.CONNECT_S", 1.0)
+    monkeypatch.setattr("swarm_mj.io.cluster.CONNECT_S", 1.0)
     with pytest.raises(OutputError, match="no Dask scheduler answers"):
         run_campaign(load_campaign(write()), tmp_path / "out", scheduler="tcp://127.0.0.1:9")
     assert not (tmp_path / "out").exists()
@@ -77,7 +77,7 @@ def test_a_worker_that_lacks_this_program_is_a_clear_error(write, monkeypatch):
             Client.closed = True
 
     monkeypatch.setattr("distributed.Client", Client)
-    monkeypatch.setattr("swarm_mj.campaigns.pools._knock", lambda scheduler: None)
+    monkeypatch.setattr("swarm_mj.io.cluster._knock", lambda scheduler: None)
     with pytest.raises(
         OutputError, match="tcp://there:1: a worker does not say which .*No module named 'swarm_mj'.; install"
     ):

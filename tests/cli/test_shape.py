@@ -1,11 +1,17 @@
 """The command `swarm-mj build-shape` and `load-shape`: sizes that small bodies keep, and advice in its own words."""
 
 import pickle
+import re
 
+import numpy as np
 import pytest
+import yaml
 
 from swarm_mj.cli.main import main
+from swarm_mj.flight.environment import environment_from, load_body_shape
+from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
+from swarm_mj.smallbody.gravity import Polyhedron
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_check import BodySizeError, shown_size
 from swarm_mj.smallbody.shape_io import save_shape
@@ -87,3 +93,27 @@ def test_a_size_error_survives_the_way_between_processes():
     error = BodySizeError("it lies 23 m from the origin", "km")
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
     assert 'pass unit="km"' in str(error) and "1000" in str(error)
+
+
+def test_fitted_harmonics_fly_as_the_polyhedron_does_and_their_errors_are_told(tmp_path, capsys):
+    file, out = ellipsoid(tmp_path, 300.0, 200.0, 150.0), tmp_path / "gravity.yaml"
+    assert main(["fit-harmonics", file, "--degree", "12", "--gm", "4.5", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "at 1 radii (300 m)" in said and "beyond the reference radius" in said
+    written = yaml.safe_load(out.read_text())
+    scenario = load_scenario("eros-quick", {"body": {"shape": file, "shape_unit": "m", "gravity": written}})
+    shape = load_body_shape(scenario.body)
+    field, body = environment_from(scenario, shape).gravity, Polyhedron(shape, gm=4.5)
+    told = dict(re.findall(r"at (\S+) radii .* off by up to (\S+) of", said))
+    for radii, most in told.items():
+        r_A = float(radii) * 300.0 * geodesic_icosahedron(7)[0]
+        true = body.sums(r_A)[:, 1:4]
+        off = np.linalg.norm(field.acceleration(r_A) - true, axis=1) / np.linalg.norm(true, axis=1)
+        assert off.max() == pytest.approx(float(most), rel=0.1, abs=1e-14)
+    assert float(told["1"]) > 1e-4 > 1e-9 > float(told["5"])
+
+
+def test_a_degree_that_cannot_be_fitted_is_refused(tmp_path, capsys):
+    file = ellipsoid(tmp_path, 300.0, 200.0, 150.0)
+    assert main(["fit-harmonics", file, "--degree", "61", "--density", "2000"]) == 2
+    assert "--degree 61: must be from 2 to 60" in capsys.readouterr().err

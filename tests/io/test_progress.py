@@ -25,13 +25,35 @@ def test_the_time_left_is_told_where_steps_are_minutes_apart(clock):
     bars.get_time = lambda: clock.now
     task = bars.add_task("work", total=10.0)
     column = Remaining()
-    assert column.render(bars.tasks[0]).plain == "-:--:--"
-    for step in (1, 2):
-        clock.now += 120.0
+    for step in (0, 1, 2):
         bars.update(task, completed=step)
-    assert column.render(bars.tasks[0]).plain == "0:16:00"
+        assert column.render(bars.tasks[0]).plain == ("0:16:00" if step == 2 else "-:--:--")
+        clock.now += 120.0
     bars.update(task, completed=10)
     assert column.render(bars.tasks[0]).plain == "0:00:00"
+
+
+def test_the_time_left_is_not_hours_because_the_first_step_was_compiled(clock):
+    bars = progress_bars(Console(), quiet=True)
+    bars.get_time = lambda: clock.now
+    task, column, told = bars.add_task("work", total=1.0), Remaining(), []
+    for second in range(60):  # compiled for 20 s, then 2 % of the work a second
+        bars.update(task, completed=max(0.0, 0.001 + 0.02 * (second - 20)))
+        told.append(column.render(bars.tasks[0]).plain)
+        clock.now += 1.0
+    assert set(told[:22]) == {"-:--:--"}
+    assert told[22] == "0:00:47" and told[40] == "0:00:29"
+
+
+def test_what_was_kept_from_before_makes_no_forecast_too_short(clock):
+    bars = progress_bars(Console(), quiet=True)
+    bars.get_time = lambda: clock.now
+    task, column = bars.add_task("work", total=100.0), Remaining()
+    for done in (80, 81, 82, 83):
+        clock.now += 10.0
+        bars.update(task, completed=done)
+        told = column.render(bars.tasks[0]).plain
+    assert told == "0:02:50"
 
 
 def test_a_long_piece_of_work_is_foretold_once_by_its_rate(clock):

@@ -46,6 +46,8 @@ COMMANDS = {
     "a mesh of too many faces": ["build-shape", "--frequency", "1000000"],
     "a mesh that goes nowhere": ["build-shape", "--frequency", "2", "--out", ""],
     "a mesh that goes into a folder": ["build-shape", "--frequency", "2", "--out", "."],
+    "harmonics of too high a degree": ["fit-harmonics", "body.obj", "--gm", "1", "--degree", "1000"],
+    "harmonics of no mass": ["fit-harmonics", "body.obj"],
     "a check that is none": ["validate", "--only", "nonsense"],
 }
 
@@ -68,8 +70,8 @@ def test_a_wrong_command_is_refused_with_one_message_and_no_file(case, tmp_path,
     assert not list(tmp_path.iterdir())
 
 
-KNOWN = """fly design available explain packaged json-schema build-shape load-shape validate --seed --set --out --design --fold
-    --workers --quiet --no-figures --only --unit km nobody -1 1e9 . .. -- -h a=b""".split()
+KNOWN = """fly design available explain packaged json-schema build-shape load-shape fit-harmonics validate --seed --set --out
+    --design --fold --workers --quiet --no-figures --only --unit km nobody -1 1e9 . .. -- -h a=b""".split()
 WORDS = st.sampled_from(["", *KNOWN]) | st.text(st.characters(exclude_characters="\0"), max_size=10)
 
 
@@ -79,7 +81,7 @@ def test_any_words_end_in_an_exit_status(words, tmp_path_factory, monkeypatch_mo
     monkeypatch_module.chdir(tmp_path_factory.getbasetemp())
     # A mistake at the end, so that nothing flies for minutes.
     assert ended([*words, "--no-such-option"]) in {0, *REFUSED}
-    if not {"fly", "design", "build-shape", "load-shape", "validate"} & set(words):
+    if not {"fly", "design", "build-shape", "load-shape", "fit-harmonics", "validate"} & set(words):
         assert ended(words) in {0, *REFUSED}
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import radians
+from typing import Any
 
 import numpy as np
 
@@ -114,24 +115,34 @@ def fly_candidates(scenario: Scenario, progress: Progress | None = None) -> Cand
     plan, left_out = _reachable(scenario, range(1, n_points + 1), progress)
     if plan.deployment.burns:
         _require_known_velocity(scenario, "so do insertion burns (mothership.deployer.max_speed_m_s: null flies none)")
-    times, counts = _picture_times(scenario)
+    times, _ = _picture_times(scenario)
     n = plan.n_observers
     r_N, v_N = planned_paths(plan.environment.acceleration_N, plan.deployment, times)
     observing, r_A, C_CA, v_A, omega_C = _commanded(plan, times, r_N, v_N)
-    return CandidateFlights(
-        plan=plan,
-        times=times,
-        counts=counts,
+    return flights_of(
+        plan,
+        left_out,
         observing=observing[:, :n] & _released(plan, times),
         settled=_settled(plan, times),
         r_A=r_A[:, :n],
         C_CA=C_CA[:, :n],
         v_A=v_A[:, :n],
         omega_C=omega_C[:, :n],
-        delta_v=(plan.deployment.delta_v + total_delta_v(plan.deployment.burns, plan.n))[:n],
-        beyond=beyond(plan.deployment, scenario.mothership.deployer.max_speed_m_s)[:n],
+    )
+
+
+def flights_of(plan: Plan, left_out: dict[int, str], **flown: Any) -> CandidateFlights:
+    """The flights of a plan with an observer for each point, from what of them takes long to work out."""
+    times, counts = _picture_times(plan.scenario)
+    return CandidateFlights(
+        plan=plan,
+        times=times,
+        counts=counts,
+        delta_v=(plan.deployment.delta_v + total_delta_v(plan.deployment.burns, plan.n))[: plan.n_observers],
+        beyond=beyond(plan.deployment, plan.scenario.mothership.deployer.max_speed_m_s)[: plan.n_observers],
         points=plan.scenario.design.visiting_points,
         left_out=left_out,
+        **flown,
     )
 
 

@@ -20,7 +20,7 @@ from swarm_mj.designer.candidates.flights import CandidateFlights
 from swarm_mj.io import interruption
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.io.machine import usable_cores
-from swarm_mj.io.workers import run_jobs
+from swarm_mj.io.workers import Runner, run_jobs
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraMotion, CameraPose, motion_blur_px
 from swarm_mj.observation.capture import judge, lit_cells, visible_share
@@ -69,7 +69,7 @@ def shares_as_they_come(
     region: TargetRegion,
     imaging_model: ImagingModel,
     *,
-    workers: int | None,
+    workers: int | Runner | None,
     progress: Progress | None = None,
 ) -> Generator[tuple[int, Array]]:
     """Visible share of every cell in every picture of one series after the other: first of those that are kept.
@@ -78,7 +78,7 @@ def shares_as_they_come(
         poses: The series, see `poses_of`.
         region: The target whose cells are judged; need not be the one that the candidates visit.
         imaging_model: How pictures are judged.
-        workers: Processes; default: one per core. One runs in this process.
+        workers: Processes; default: one per core. One runs in this process. Or who runs jobs elsewhere.
         progress: Called with the number of series done, parts of one included.
 
     Yields:
@@ -126,7 +126,7 @@ def poses_of(flights: CandidateFlights, candidate: int, at: Mask) -> Poses:
 
 
 def _compute(
-    region: TargetRegion, imaging_model: ImagingModel, jobs: dict[int, Poses], workers: int | None
+    region: TargetRegion, imaging_model: ImagingModel, jobs: dict[int, Poses], workers: int | Runner | None
 ) -> Iterator[tuple[tuple[int, int], Array]]:
     """Judge candidates in parts: pairs of (candidate, number of its first picture) and shares, as they finish."""
     parts = {
@@ -134,6 +134,9 @@ def _compute(
         for j, (r_A, C_CA) in jobs.items()
         for first in range(0, max(len(r_A), 1), PART)
     }
+    if callable(workers):
+        yield from workers(parts.items(), _judge, setup=_opened, arguments=(region, imaging_model))
+        return
     workers = min(workers or usable_cores(), len(parts))
     if workers > 1 and sum(len(r_A) for r_A, _ in jobs.values()) >= MIN_PARALLEL:
         yield from run_jobs(parts.items(), _judge, workers=workers, setup=_opened, arguments=(region, imaging_model))
@@ -195,11 +198,15 @@ class Judge:
         region: The target.
         imaging_model: How pictures are judged.
         criterion: What counts in them.
-        workers: Processes; None: one per core.
+        workers: See `shares_as_they_come`.
     """
 
     def __init__(
-        self, region: TargetRegion, imaging_model: ImagingModel, criterion: Observation, workers: int | None
+        self,
+        region: TargetRegion,
+        imaging_model: ImagingModel,
+        criterion: Observation,
+        workers: int | Runner | None,
     ) -> None:
         self.region, self.imaging_model, self.criterion, self.workers = region, imaging_model, criterion, workers
         self._observer = imaging_model.open(region)

@@ -15,19 +15,22 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import product
+from itertools import count, product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.compilation import kernel
-from swarm_mj.designer.candidates.flights import CandidateFlights, Unreachable, fly_candidates
+from swarm_mj.designer.candidates.flights import CandidateFlights, Unreachable
+from swarm_mj.designer.candidates.kept_flights import flights_from, fly, keep, kept
 from swarm_mj.designer.candidates.pictures import ImagingModel, Judge, Progress, Watcher
 from swarm_mj.designer.problem import Words, is_subset, pack
 from swarm_mj.flight.environment import load_body_shape
 from swarm_mj.flight.observe import camera_from
 from swarm_mj.flight.targets import target_from
+from swarm_mj.io.cache import Arrays
+from swarm_mj.io.workers import Runner
 from swarm_mj.mission.deployment import tell_part
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.scenarios.itinerary import all_targets
@@ -125,6 +128,7 @@ class Visibility:
         flights: Their flights, kept where `designer.deliver_within_h` asks for them.
         thinned: Candidates whose pictures were not judged because another one sees all that they could see at most (of several,
             the first), and that other one; they are not among `candidates`.
+        resumed: What was kept from before, in words; empty: nothing.
     """
 
     candidates: list[Candidate]
@@ -139,12 +143,13 @@ class Visibility:
     unjudged: int = 0
     thinned: list[tuple[Candidate, Candidate]] = field(default_factory=list)
     flights: list[CandidateFlights] = field(default_factory=list)
+    resumed: str = ""
 
 
 def visibility(
     scenario: Scenario,
     *,
-    workers: int | None = None,
+    workers: int | Runner | None = None,
     progress: Progress | None = None,
     flying: Progress | None = None,
     costs: bool = False,
@@ -156,7 +161,7 @@ def visibility(
 
     Args:
         scenario: Says what counts as observed, and with `designer` which altitudes, times and targets there are.
-        workers: Processes; default: one per core.
+        workers: Processes for the pictures; default: one per core. Or who runs flights and pictures elsewhere.
         progress: Called with the share of the pictures done, 0 to 1.
         flying: Called with the share of the flights done, 0 to 1.
         costs: Whether a candidate of more delta-v may not stand in for one of less; one beyond the deployer never does for one
@@ -170,7 +175,7 @@ def visibility(
         SwarmError: No candidate can be flown.
     """
     region = target_from(scenario, load_body_shape(scenario.body))
-    flown, left_out = _fly(target_variants(scenario), flying)
+    flown, left_out, resumed = _fly(target_variants(scenario), flying, workers)
     candidates = [_candidate(variant, target, point) for target, variant, f in flown for point in f.points]
     delta_v = np.concatenate([flights.delta_v for _, _, flights in flown])
     beyond = np.concatenate([flights.beyond for _, _, flights in flown])
@@ -194,6 +199,7 @@ def visibility(
         unjudged=int((~found.judged[kept]).sum()),
         thinned=[(candidates[j], candidates[i]) for j, i in sorted(found.stand_in.items())],
         flights=[] if scenario.designer.deliver_within_h is None else [flights for _, _, flights in flown],
+        resumed=_in_words(resumed, (found.pictures_kept, int(found.judged.sum()))),
     )
 
 
@@ -205,16 +211,22 @@ def _candidate(variant: Scenario, target: int, point: int) -> Candidate:
     return Candidate(point, target, design.imaging_altitude_m, design.time_of_flight_s, design.release_s)
 
 
-def _fly(variants: list[Scenario], flying: Progress | None) -> tuple[Flown, list[tuple[Candidate, str]]]:
-    """Fly to every target at every altitude, in every time and from every release; and what is left out."""
+def _fly(
+    variants: list[Scenario], flying: Progress | None, workers: int | Runner | None
+) -> tuple[Flown, list[tuple[Candidate, str]], tuple[int, int]]:
+    """Fly to every target at every altitude, in every time and from every release; what is left out; how many were kept."""
     asked = [(target, chosen) for target, variant in enumerate(variants) for chosen in flight_variants(variant)]
+    known = {k: arrays for k, (_, variant) in enumerate(asked) if (arrays := kept(variant)) is not None}
+    n_kept, missing = len(known), {k: variant for k, (_, variant) in enumerate(asked) if k not in known}
+    for k, arrays in _flown(missing, len(asked), flying, workers):
+        keep(missing[k], arrays)
+        known[k] = arrays
     flown: Flown = []
     left_out: list[tuple[Candidate, str]] = []
     failures = []
-    for count, (target, variant) in enumerate(asked):
-        tell = None if flying is None else partial(tell_part, flying, count, len(asked))
+    for k, (target, variant) in enumerate(asked):
         try:
-            flights = fly_candidates(variant, tell)
+            flights = flights_from(variant, known.pop(k))
         except Unreachable as error:
             failures.append(error)
             left_out += [(_candidate(variant, target, point), why) for point, why in error.left_out.items()]
@@ -223,7 +235,39 @@ def _fly(variants: list[Scenario], flying: Progress | None) -> tuple[Flown, list
         left_out += [(_candidate(variant, target, point), why) for point, why in flights.left_out.items()]
     if not flown:
         raise failures[0]
-    return flown, left_out
+    return flown, left_out, (n_kept, len(asked))
+
+
+def _flown(
+    missing: dict[int, Scenario], of: int, flying: Progress | None, workers: int | Runner | None
+) -> Iterator[tuple[int, Arrays]]:
+    """Fly what is missing of so many sets of candidates, here or elsewhere."""
+    tell = flying or (lambda share: None)
+    done = of - len(missing)
+    tell(done / of)
+    if callable(workers):
+        jobs = {k: (variant,) for k, variant in missing.items()}
+        for k, arrays in workers(jobs.items(), _fly_one, setup=tuple):
+            done += 1
+            tell(done / of)
+            yield k, arrays
+        return
+    for number, (k, variant) in enumerate(missing.items(), done):
+        yield k, fly(variant, None if flying is None else partial(tell_part, flying, number, of))
+
+
+def _fly_one(_: object, variant: Scenario) -> Arrays:
+    return fly(variant)
+
+
+def _in_words(flights: tuple[int, int], pictures: tuple[int, int]) -> str:
+    """What was kept, of how many sets of candidates and candidates."""
+    if not flights[0] and not pictures[0]:
+        return ""
+    return (
+        f"kept from before: the flights of {flights[0]} of {flights[1]} sets of candidates, the pictures of {pictures[0]} of "
+        f"{pictures[1]} candidates"
+    )
 
 
 class _Sightings:
@@ -235,6 +279,7 @@ class _Sightings:
         self.why = np.zeros(region.n_cells, np.int8)
         self.judged = np.zeros(n, np.bool_)
         self.stand_in: dict[int, int] = {}
+        self.pictures_kept = 0
 
     @property
     def kept(self) -> Indices:
@@ -243,8 +288,14 @@ class _Sightings:
 
     def judge(self, judge: Judge, watchers: Sequence[Watcher], wave: Indices) -> None:
         """Judge the candidates of a wave, row by row, as they are done."""
-        before = int(self.judged.sum()) + len(self.stand_in)
-        for j, row in judge.seen([watchers[j] for j in wave], progress=partial(self.tell, before)):
+        before, first = int(self.judged.sum()) + len(self.stand_in), count()
+
+        def tell(done: float) -> None:
+            if next(first) == 0:  # called once for all that are kept
+                self.pictures_kept += int(done)
+            self.tell(before, done)
+
+        for j, row in judge.seen([watchers[j] for j in wave], progress=tell):
             self.sees[wave[j]] = row
             self.judged[wave[j]] = True
 
@@ -254,7 +305,7 @@ class _Sightings:
             self.progress((before + done) / len(self.judged))
 
 
-def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | None, cost: Array) -> None:
+def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | Runner | None, cost: Array) -> None:
     """Judge all candidates, or with many all that need be."""
     watchers = [Watcher(flights, j) for _, _, flights in flown for j in range(flights.n)]
     designer = scenario.designer

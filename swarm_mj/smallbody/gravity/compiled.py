@@ -70,10 +70,10 @@ def write_attraction(
         out: Receives the accelerations in A, shape (n, 3) [m/s^2].
     """
     if field.kind == HARMONICS:
-        write_series(r_A, field.radius, field.recursion, series, out)
+        write_series(r_A, field.radius, field.recursion, series, False, out)
     elif field.kind == POINT_MASS:
         write_point_mass(r_A, field.gm, out)
     elif elements is not None:
         if any_far(r_A, elements.radius):
-            write_series(r_A, field.radius, field.recursion, series, out)
+            write_series(r_A, field.radius, field.recursion, series, True, out)
         write_near_and_far(r_A, elements, field.cell, known, out)

@@ -11,9 +11,9 @@ solid angle of the face, E_e and F_f dyads of normals. On an edge L_e is infinit
 attraction tend to zero; the gradient really is infinite there.
 
 The sums cancel: their relative rounding grows with the cube of the distance, to pure noise at some 1e5 radii, and they take as
-long everywhere. From 2.5 to 3 times the largest radius on the field therefore passes over into that of the same polyhedron in
-spherical harmonics, which converge there. Both agree at first, farther out the series is truer; it takes 1/66 of the time with
-4,092 faces and 1/128 with 8,000, and more than the sums with fewer than some 40.
+long everywhere. From 1.75 to 2 times the largest radius on the field therefore passes over into that of the same polyhedron in
+spherical harmonics, which converge there. Both agree at first, farther out the series is truer; with 4,092 faces it takes 1/25
+of the time at first and 1/65 from three radii on, where fewer terms count, and more than the sums with a few dozen faces.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ import numpy as np
 
 from swarm_mj.compilation import allocation_free, jittable, kernel
 from swarm_mj.errors import ScenarioError
+from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.io.machine import usable_threads
 from swarm_mj.scenarios.constants import GRAVITATIONAL_CONSTANT
 from swarm_mj.smallbody.gravity.base import positions, positive
@@ -44,12 +45,13 @@ from swarm_mj.typing import Array, Ints, Ints32
 MIN_WIRE_GAP = 1e-300
 #: Distances r over the body's largest radius R between which the sums pass over into harmonics. Of the attraction of a mass
 #: at R these leave out, over that of one at the centre, at most the sum of (n + 1) (R/r)^n beyond their degree, at first
-#: 1.2e-13.
-FAR_RADII = (2.5, 3.0)
-#: Degree of the harmonics, and the sphere on which they are fitted, over the largest radius. What rounding adds there to a
-#: coefficient of degree n has fallen by 0.8^n at the first distance: there attractions agree to 4e-13, gradients to 1e-12, as
-#: measured with 4,092 faces of a dumb-bell and 8,000 of Eros.
-FAR_DEGREE, FIT_RADII = 36, 2.0
+#: 2.2e-13.
+FAR_RADII = (1.75, 2.0)
+#: Degree of the harmonics; the sphere on which they are fitted, over the largest radius; and the degrees beyond that the fit
+#: resolves: higher ones alias weakened by 1.5^-80 = 8e-15. What rounding adds there to a coefficient of degree n has fallen by
+#: 0.86^n at the first distance: there attractions agree to 3e-13, gradients to 2e-12, as measured with a dumb-bell of 4,092
+#: faces and Eros of 8,000.
+FAR_DEGREE, FIT_RADII, FIT_MARGIN = 60, 1.5, 10
 #: Terms of the sums that are worth a thread of their own, some milliseconds.
 LEAST_TERMS = 100_000
 #: Side of a cell over the largest radius, at most: flights that differ by rounding are nearly always in one, see `in_cells`.
@@ -129,13 +131,13 @@ class Polyhedron:
 
     def potential(self, r_A: Array) -> Array:
         """Potential [m^2/s^2], positive, shape (n,), at positions in A [m], shape (n, 3)."""
-        return self._near_and_far(r_A, lambda r: self._sums(r)[:, 0], lambda r: self.far_field.potential(r))
+        return self._near_and_far(r_A, lambda r: self.sums(r)[:, 0], lambda r: self.far_field.potential(r))
 
     def gradient(self, r_A: Array) -> Array:
         """Gradient of the acceleration [1/s^2], shape (n, 3, 3), at positions in A [m], shape (n, 3)."""
         symmetric = [4, 5, 6, 5, 7, 8, 6, 8, 9]
         return self._near_and_far(
-            r_A, lambda r: self._sums(r)[:, symmetric].reshape(-1, 3, 3), lambda r: self.far_field.gradient(r)
+            r_A, lambda r: self.sums(r)[:, symmetric].reshape(-1, 3, 3), lambda r: self.far_field.gradient(r)
         )
 
     def laplacian(self, r_A: Array) -> Array:
@@ -145,12 +147,18 @@ class Polyhedron:
 
     @cached_property
     def far_field(self) -> SphericalHarmonics:
-        """The same field in spherical harmonics, which hold beyond `FAR_RADII` of the largest radius."""
-        radius = self.shape.max_radius
-        # With this margin higher degrees alias weakened by 2^-46.
-        return fit_harmonics(
-            lambda r_A: self._sums(r_A)[:, 0], self.gm, radius, FAR_DEGREE, FIT_RADII * radius, margin=5
-        )
+        """The same field in spherical harmonics, which hold beyond `FAR_RADII` of the largest radius; kept on disk."""
+        radius, shape = self.shape.max_radius, (2, FAR_DEGREE + 1, FAR_DEGREE + 1)
+        key = hash_of(f"{self.gm!r} {FAR_DEGREE} {FIT_RADII} {FIT_MARGIN}", self.shape.vertices, self.shape.faces)
+        file = cache_folder() / "harmonics" / f"{key}.npy"
+        kept = load_array(file, shape, np.float64)
+        if kept is None:
+            field = fit_harmonics(
+                lambda r_A: self.sums(r_A)[:, 0], self.gm, radius, FAR_DEGREE, FIT_RADII * radius, margin=FIT_MARGIN
+            )
+            kept = np.stack([field.c, field.s])
+            store_array(file, kept)
+        return SphericalHarmonics(self.gm, radius, kept[0], kept[1], bounded=True)
 
     def _near_and_far(self, r_A: Array, near: Callable[[Array], Array], far: Callable[[Array], Array]) -> Array:
         """The sums near the body, the harmonics far away, and between them a smooth passage from one to the other."""
@@ -167,7 +175,8 @@ class Polyhedron:
         field[within] = _mixed(near(r_A[within]), field[within], weight[within])
         return field
 
-    def _sums(self, r_A: Array) -> Array:
+    def sums(self, r_A: Array) -> Array:
+        """Potential, attraction and xx, xy, xz, yy, yz, zz of its gradient by the sums alone, shape (n, 10)."""
         r_A = positions(r_A)
         if (parts := min(usable_threads(), len(r_A) * len(self.shape.faces) // LEAST_TERMS)) < 2:
             return np.asarray(_field(r_A, self.elements))
@@ -177,7 +186,7 @@ class Polyhedron:
     def _near(self, r_A: Array) -> Array:
         if self.cell > 0.0:
             return np.asarray(_attraction_in_cells(positions(r_A), self.elements, self.cell))
-        return self._sums(r_A)[:, 1:4]
+        return self.sums(r_A)[:, 1:4]
 
     @cached_property
     def in_cells(self) -> Polyhedron:

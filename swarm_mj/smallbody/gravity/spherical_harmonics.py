@@ -27,6 +27,8 @@ from swarm_mj.typing import Array
 
 #: Highest degree accepted; far beyond what any small body's field was measured to.
 MAX_DEGREE = 360
+#: Share of the attraction below which terms of a `bounded` series are lost in rounding.
+LOST = 1e-16
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,8 @@ class SphericalHarmonics:
         reference_radius: radius R to which the coefficients refer [m].
         c: cosine coefficients C[n, m], shape (N + 1, N + 1); C[0, 0] = 1 gives the central field.
         s: sine coefficients S[n, m], same shape.
+        bounded: whether all mass lies within the reference radius R, so that at r terms of degree n make at most
+            (n + 1) (R / r)^n of the attraction; those that are lost in rounding are then left out.
         acceleration_series: coefficients of the acceleration's three components, for `sum_series`; follows from the above.
         recursion: the factors of its recursion, see `recursion_table`; the same.
     """
@@ -46,6 +50,7 @@ class SphericalHarmonics:
     reference_radius: float
     c: Array = field(repr=False)
     s: Array = field(repr=False)
+    bounded: bool = False
     acceleration_series: Array = field(init=False, repr=False)
     recursion: Array = field(init=False, repr=False)
 
@@ -96,17 +101,20 @@ class SphericalHarmonics:
 
     def acceleration(self, r_A: Array) -> Array:
         """Attraction in A [m/s^2], shape (n, 3), at positions in A [m], shape (n, 3)."""
-        return sum_series(positions(r_A), self.reference_radius, self.recursion, self.acceleration_series)
+        return self._sum(r_A, self.recursion, self.acceleration_series)
 
     def potential(self, r_A: Array) -> Array:
         """Potential [m^2/s^2], positive, shape (n,), at positions in A [m], shape (n, 3)."""
         series = self.gm / self.reference_radius * np.stack([self.c, self.s], axis=-1)[:, :, None]
-        return sum_series(positions(r_A), self.reference_radius, self.recursion, series)[:, 0]
+        return self._sum(r_A, self.recursion, series)[:, 0]
 
     def gradient(self, r_A: Array) -> Array:
         """Gradient of the acceleration [1/s^2], shape (n, 3, 3), at positions in A [m], shape (n, 3)."""
         series, table = self._gradient_series
-        return sum_series(positions(r_A), self.reference_radius, table, series).reshape(-1, 3, 3)
+        return self._sum(r_A, table, series).reshape(-1, 3, 3)
+
+    def _sum(self, r_A: Array, table: Array, series: Array) -> Array:
+        return np.asarray(sum_series(positions(r_A), self.reference_radius, table, series, self.bounded))
 
     @cached_property
     def _gradient_series(self) -> tuple[Array, Array]:
@@ -154,12 +162,15 @@ def fit_harmonics(
 
 def _normalised_legendre(degree: int, sines: Array) -> Array:
     """Fully normalised associated Legendre functions P[n, m] at sines of latitude, shape (N + 1, N + 1, k)."""
-    meridian = np.column_stack([np.sqrt(1.0 - sines**2), np.zeros_like(sines), sines])
-    every = np.zeros((degree + 1, degree + 1, (degree + 1) ** 2, 2))
-    n, m = np.divmod(np.arange((degree + 1) ** 2), degree + 1)
-    every[n, m, np.arange(len(n)), 0] = 1.0
-    values = sum_series(meridian, 1.0, recursion_table(degree), every)
-    return values.T.reshape(degree + 1, degree + 1, -1)
+    table, cosines = recursion_table(degree), np.sqrt(1.0 - sines**2)
+    legendre = np.zeros((degree + 1, degree + 1, len(sines)))
+    legendre[0, 0] = 1.0
+    for m in range(degree + 1):
+        if m > 0:
+            legendre[m, m] = table[m, m, 0] * cosines * legendre[m - 1, m - 1]
+        for n in range(m + 1, degree + 1):  # at n = m + 1 the second factor is zero
+            legendre[n, m] = table[n, m, 0] * sines * legendre[n - 1, m] - table[n, m, 1] * legendre[n - 2, m]
+    return legendre
 
 
 def recursion_table(degree: int) -> Array:
@@ -220,24 +231,27 @@ def _add(target: Array, axis: int, c: Array, s: Array) -> None:
 
 
 @kernel
-def sum_series(r_A: Array, radius: float, table: Array, series: Array) -> Array:
-    """Sum k series of solid harmonics at n positions, shape (n, k)."""
+def sum_series(r_A: Array, radius: float, table: Array, series: Array, bounded: bool = False) -> Array:
+    """Sum k series of solid harmonics at n positions, shape (n, k); `bounded` as in `SphericalHarmonics`."""
     out = np.empty((r_A.shape[0], series.shape[2]))
-    write_series(r_A, radius, table, series, out)
+    write_series(r_A, radius, table, series, bounded, out)
     return out
 
 
 @kernel
-def write_series(r_A: Array, radius: float, table: Array, series: Array, out: Array) -> None:
+def write_series(r_A: Array, radius: float, table: Array, series: Array, bounded: bool, out: Array) -> None:
     """The same into an array of the caller, order by order so that no scratch is needed."""
-    size, count = series.shape[0], series.shape[2]
+    count = series.shape[2]
     for i in range(r_A.shape[0]):
+        size = series.shape[0]
         for k in range(count):
             out[i, k] = 0.0
         x, y, z = r_A[i, 0], r_A[i, 1], r_A[i, 2]
         inverse = radius / (x * x + y * y + z * z)
         x, y, z = x * inverse, y * inverse, z * inverse
         shrink = radius * inverse
+        if bounded and shrink < 1.0:
+            size = min(size, int(2.0 * np.log(LOST / size) / np.log(shrink)) + 2)
         v_sector, w_sector = np.sqrt(shrink), 0.0
         for m in range(size):
             if m > 0:

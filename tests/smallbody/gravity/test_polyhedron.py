@@ -55,7 +55,7 @@ def attraction_of_points(r_A, half=HALF, gm=None, order=12):
     return gm * np.einsum("p,npi->ni", mass, d / np.linalg.norm(d, axis=2, keepdims=True) ** 3)
 
 
-@pytest.mark.parametrize("distance", [2.8e3, 3.3e3, 3.6e3, 4e3, 1e4, 1e5, 1e7, 1e10])
+@pytest.mark.parametrize("distance", [2.2e3, 2.3e3, 2.5e3, 3.3e3, 4e3, 1e4, 1e5, 1e7, 1e10])
 def test_attraction_is_exact_from_near_to_as_far_as_anybody_flies(cuboid, distance):
     rng = np.random.default_rng(1)
     directions = rng.standard_normal((30, 3))
@@ -80,7 +80,7 @@ def test_far_attraction_is_that_of_a_point_at_the_centroid_of_thousands_of_faces
 def test_the_passage_to_the_far_field_is_smooth_in_potential_attraction_and_gradient(cuboid):
     """Differences of the potential give the attraction, and those of the attraction its gradient, all the way through."""
     radius, direction = cuboid.shape.max_radius, np.array([0.48, -0.6, 0.64])
-    for x in np.linspace(2.3, 3.2, 25):
+    for x in np.linspace(1.6, 2.2, 25):
         r_A, h = x * radius * direction, 1e-3 * x * radius
         steps = h * np.vstack((np.eye(3), -np.eye(3)))
         potential, attraction = cuboid.potential(r_A + steps), cuboid.acceleration(r_A + steps)
@@ -95,12 +95,23 @@ def test_one_of_several_processes_starts_no_threads_for_its_sums(eros, monkeypat
     started, pool = [], polyhedron.ThreadPoolExecutor
     monkeypatch.setattr(polyhedron, "ThreadPoolExecutor", lambda parts: started.append(parts) or pool(parts))
     monkeypatch.setattr("swarm_mj.io.machine.usable_cores", lambda: 3)
-    r_A = np.outer(np.linspace(1.1, 2.4, 1000), eros.shape.max_radius * np.array([0.48, -0.6, 0.64]))
+    r_A = np.outer(np.linspace(1.1, 1.7, 1000), eros.shape.max_radius * np.array([0.48, -0.6, 0.64]))
     monkeypatch.setenv("NUMBA_NUM_THREADS", "1")
     alone = eros.acceleration(r_A)
     assert not started
     monkeypatch.delenv("NUMBA_NUM_THREADS")
     assert np.array_equal(eros.acceleration(r_A), alone) and started == [3]
+
+
+def test_the_far_field_is_kept_on_disk_bit_for_bit_and_not_believed_when_spoilt(cuboid, tmp_path, monkeypatch):
+    monkeypatch.setenv("SWARM_MJ_CACHE", str(tmp_path))
+    fitted = Polyhedron(cuboid.shape, gm=3.0).far_field
+    (file,) = tmp_path.glob("harmonics/*.npy")
+    assert np.array_equal(Polyhedron(cuboid.shape, gm=3.0).far_field.c, fitted.c)
+    np.save(file, np.load(file)[:, :-1])
+    assert np.array_equal(Polyhedron(cuboid.shape, gm=3.0).far_field.s, fitted.s)
+    Polyhedron(cuboid.shape, gm=4.0).far_field  # noqa: B018
+    assert len(list(tmp_path.glob("harmonics/*.npy"))) == 2
 
 
 def log_of_sum(y, x, z, r):
@@ -215,7 +226,7 @@ def with_cells(body, cell):
     return other
 
 
-@pytest.mark.parametrize("height", [1.0, 100.0, 1000.0])
+@pytest.mark.parametrize("height", [1.0, 100.0, 700.0])
 def test_what_cells_leave_out_is_of_second_order_and_within_its_bound(cuboid, height):
     coarse, errors = 2.0 ** np.floor(np.log2(height / 32.0)), []
     middles = coarse * np.rint(places_above(height) / coarse)
@@ -229,7 +240,7 @@ def test_what_cells_leave_out_is_of_second_order_and_within_its_bound(cuboid, he
     assert np.linalg.norm(errors[0]) / np.linalg.norm(errors[1]) == pytest.approx(4.0, rel=0.1)
 
 
-@pytest.mark.parametrize("height", [1.0, 100.0, 1000.0])
+@pytest.mark.parametrize("height", [1.0, 100.0, 700.0])
 def test_cells_are_so_small_that_the_sums_are_as_exact_as_before(cuboid, height):
     cell = cuboid.in_cells.cell
     assert np.log2(cell) % 1.0 == 0.0 and 2.0**-29 < cell / cuboid.shape.max_radius <= 2.0**-28
@@ -250,7 +261,7 @@ def pulled(body, r_A, kept):
     return a_A[0]
 
 
-@pytest.mark.parametrize("radii", [1.2, 2.6, 2.9, 3.5])
+@pytest.mark.parametrize("radii", [1.2, 1.8, 1.9, 2.5])
 def test_attraction_in_cells_depends_on_the_place_alone_whoever_was_there_before(cuboid, radii):
     body, rng = cuboid.in_cells, np.random.default_rng(4)
     directions = rng.standard_normal((10, 3))
@@ -258,14 +269,14 @@ def test_attraction_in_cells_depends_on_the_place_alone_whoever_was_there_before
     beside = first + 1e-10 * rng.standard_normal((10, 3))
     moved = first[:3] + 10.0 * body.cell * np.eye(3)
     r_A = np.vstack((first, beside, moved))
-    r_A[0] = 0.0 if radii < 2.0 else r_A[0]  # where what is kept of no cell would be at home
+    r_A[0] = 0.0 if radii < 1.75 else r_A[0]  # where what is kept of no cell would be at home
     expected, kept = body.acceleration(r_A), np.zeros((1, CELL_NUMBERS))
     for i in (*range(23), *range(22, -1, -1), *rng.permutation(23), 0, 20, 1, 21, 2, 22):
         assert np.array_equal(pulled(body, r_A[i], kept), expected[i])
 
 
 def test_the_sums_of_a_cell_are_taken_once(cuboid):
-    body, r_A, kept = cuboid.in_cells, np.array([1500.3, 200.2, -1700.1]), np.zeros((1, CELL_NUMBERS))
+    body, r_A, kept = cuboid.in_cells, np.array([1300.3, 200.2, -1500.1]), np.zeros((1, CELL_NUMBERS))
     pull = pulled(body, r_A, kept)
     kept[0, 3:6] += 1.0  # to be found again
     np.testing.assert_allclose(pulled(body, r_A + 1e-10, kept), pull + 1.0, rtol=1e-12)

@@ -1,5 +1,6 @@
 """The series against closed forms, SciPy's Legendre functions, and the polyhedron to which it is fitted."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -195,3 +196,27 @@ def test_tables_and_radius_are_checked_and_frozen():
     field = SphericalHarmonics.eros_degree_2()
     with pytest.raises(ValueError, match="read-only"):
         field.c[2, 0] = 0.0
+
+
+@pytest.mark.parametrize("radii", [1.01, 1.75, 3.0, 10.0, 1e4])
+def test_terms_that_a_bounded_series_leaves_out_are_lost_in_rounding(radii):
+    """Coefficients as large as any mass within the reference radius can make them: all of it in a point at the pole."""
+    c = np.zeros((61, 61))
+    c[:, 0] = (2.0 * np.arange(61) + 1.0) ** -0.5
+    full = SphericalHarmonics(GM, RADIUS, c, np.zeros_like(c))
+    bounded = replace(full, bounded=True)
+    r_A = radii * RADIUS * np.array([[0.0, 0.0, 1.0], [0.6, -0.8, 0.0], [-0.48, 0.6, 0.64]])
+    for what in ("potential", "acceleration", "gradient"):
+        expected = getattr(full, what)(r_A)
+        assert np.abs(getattr(bounded, what)(r_A) - expected).max() <= 2e-15 * np.abs(expected).max()
+
+
+def test_a_field_that_is_not_bounded_by_its_reference_radius_is_summed_to_the_end():
+    c = np.zeros((41, 41))
+    c[0, 0], c[40, 0] = 1.0, 1e36
+    field = SphericalHarmonics(GM, RADIUS, c, np.zeros_like(c))
+    pole_A = np.array([[0.0, 0.0, 10.0 * RADIUS]])
+    of_all = GM / (10.0 * RADIUS) * (1.0 + 9.0 * 1e36 * 10.0**-40)  # sqrt(2 * 40 + 1) normalises degree 40
+    assert field.potential(pole_A)[0] == pytest.approx(of_all, rel=1e-14)
+    cut = replace(field, bounded=True).potential(pole_A)[0]
+    assert cut == pytest.approx(GM / (10.0 * RADIUS), rel=1e-14)
