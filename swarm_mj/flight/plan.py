@@ -18,7 +18,7 @@ from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.flight.feasibility import EncounterCheck
 from swarm_mj.flight.mothership import check_approach, mothership_state
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
-from swarm_mj.flight.targets import legs, target_from, true_target, visiting_points
+from swarm_mj.flight.targets import legs, pyramid_about, target_from, true_target, visiting_points
 from swarm_mj.mission.behaviors import AimedBehavior, Behavior, SelectiveBehavior
 from swarm_mj.mission.deployer import check_deployer
 from swarm_mj.mission.deployment import deploy, planned_paths
@@ -257,7 +257,7 @@ def unchecked_behavior(scenario: Scenario) -> Behavior:
             len(scenario.design.visiting_points),
             scenario.behavior.imaging_radius_m,
         )
-    aimed = behavior.aimed_at(scenario.target) if isinstance(behavior, AimedBehavior) else behavior
+    aimed = behavior.aimed_at(pyramid_about(scenario.target)) if isinstance(behavior, AimedBehavior) else behavior
     return coordinated(aimed, scenario)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from swarm_mj.compilation import jittable, kernel
 from swarm_mj.errors import MissionError
+from swarm_mj.mission.target import Pyramid
 from swarm_mj.scenarios.schema import Target
 from swarm_mj.typing import Array, Ints, Mask
 
@@ -122,8 +123,8 @@ class MissionBehavior(Protocol):
 class AimedBehavior(Protocol):
     """A behaviour that looks at the scenario's target, where its own parameters name no other."""
 
-    def aimed_at(self, target: Target) -> Behavior:
-        """The same behaviour, for the target of a scenario."""
+    def aimed_at(self, target: Target | Pyramid) -> Behavior:
+        """The same behaviour, for the target of a scenario, or the pyramid about it."""
         ...
 
 

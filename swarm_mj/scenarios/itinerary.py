@@ -67,7 +67,8 @@ def target_name(number: int) -> str:
 
 def all_targets(scenario: Scenario) -> tuple[Target, ...]:
     """The scenario's target and those that the designer has to cover besides."""
-    extra = (scenario.target.model_copy(update=extra.model_dump()) for extra in scenario.designer.extra_targets)
+    alone = scenario.target.model_copy(update={"region": "pyramid", "polygon": None, "polygon_file": None})
+    extra = (alone.model_copy(update=extra.model_dump()) for extra in scenario.designer.extra_targets)
     return (scenario.target, *extra)
 
 
