@@ -35,7 +35,7 @@ def daylight_text(scenario: Scenario, region: TargetRegion) -> str:
     limit = scenario.observation.max_incidence_deg
     tracer = RayTracer(region.vertices, region.faces)
     cells = [lit(region, sun, max_incidence_deg=limit, tracer=tracer) for sun in sun_A]
-    share = np.array([region.area[chosen].sum() for chosen in cells]) / region.total_area
+    share = np.array([region.weighted_area[chosen].sum() for chosen in cells]) / region.total_weighted_area
     if not share.any():
         return f"no part of it is lit within {limit:g} deg of the Sun during a rotation of the body"
     asked = 1.0 - scenario.designer.tolerance_percent / 100.0

@@ -171,7 +171,7 @@ def study_design(
         except KeyboardInterrupt:
             clock.interrupted = clock.name
         except MissionError as error:
-            dark = len(seen.why) and (seen.why == Cause.DARK).any() and not work.problem.can_be_covered
+            dark = np.isin(seen.why, (Cause.DARK, Cause.NEVER_LIT)).any() and not work.problem.can_be_covered
             if not dark:
                 raise
             raise MissionError(f"{error}; {daylight_text(scenario, seen.region)}") from None

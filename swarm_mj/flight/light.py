@@ -40,7 +40,7 @@ def lit_sometime(
     times_s: Array,
     max_incidence_deg: float,
     *,
-    tracer: RayTracer | None = None,
+    tracer: RayTracer | None,
     among: Mask | None = None,
 ) -> Mask:
     """Cells that are lit at one of some instants at least, see `lit`, shape (n,).
@@ -50,10 +50,9 @@ def lit_sometime(
         around: How the body turns beneath the Sun.
         times_s: Past the epoch [s].
         max_incidence_deg: Of `lit`.
-        tracer: Over the region's mesh; None: one is made.
+        tracer: Of `lit`.
         among: Cells that are asked about, shape (n,); the others count as never lit. None: all.
     """
-    tracer = tracer or RayTracer(region.vertices, region.faces)
     left = np.ones(region.n_cells, np.bool_) if among is None else among.copy()
     found = np.zeros(region.n_cells, np.bool_)
     for t in times_s:

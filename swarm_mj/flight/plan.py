@@ -143,7 +143,7 @@ def make_plan(
         environment,
         mothership_N=mothership.r_N,
         mothership_velocity=mothership.velocity,
-        **legs(scenario, stops, points_A, behavior),
+        **legs(scenario, stops, points_A, behavior, region),
         progress=progress,
         foresee=foresee if push is None or most_m_s is None else None,  # insertion burns lead elsewhere
     )

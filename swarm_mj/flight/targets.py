@@ -10,7 +10,7 @@ import numpy as np
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight.environment import epoch_state
 from swarm_mj.flight.light import lit_sometime
-from swarm_mj.mission.behaviors import Behavior
+from swarm_mj.mission.behaviors import Behavior, elect_medoid
 from swarm_mj.mission.deployment import groups
 from swarm_mj.mission.polygon import Polygon, polygon_from
 from swarm_mj.mission.target import (
@@ -24,6 +24,7 @@ from swarm_mj.mission.target import (
     check_visiting_points,
     local_axes,
 )
+from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.scenarios.itinerary import Stop, all_targets, itinerary
 from swarm_mj.scenarios.schema import Scenario, Target
 from swarm_mj.simulator.faults.dispersions import shifted_target, target_shift
@@ -34,26 +35,30 @@ from swarm_mj.typing import Array, Mask
 ABOVE = 1.1
 
 
-def legs(scenario: Scenario, stops: Sequence[Stop], points_A: Array, behavior: Behavior) -> dict[str, Array]:
+def legs(
+    scenario: Scenario, stops: Sequence[Stop], points_A: Array, behavior: Behavior, region: TargetRegion
+) -> dict[str, Array]:
     """Where each spacecraft goes, when it leaves and how long it flies, as `deploy` takes them.
 
     Whether a communications spacecraft is added is a property of the behaviour, which counts it: it goes to the mean of the
     observers' points at the common times, or where no observer flies at these at those of most observers. Between the points
-    of several targets the body itself may lie: there it goes above those of the target with most observers, at the times of
-    the first of them.
+    of several targets, or of one that reaches around the body, the body itself may lie: there it goes above those of the target
+    with most observers, or above the one nearest to all others, at the times of the first of them.
     """
     release_s = [stop.release_s for stop in stops]
     flight_s = [stop.time_of_flight_s for stop in stops]
     if behavior.dedicated_communications:
         sent_to = [stop.target for stop in stops]
         busiest = max(sorted(set(sent_to)), key=sent_to.count)
-        if len(set(sent_to)) == 1:
+        if len(set(sent_to)) == 1 and not region.is_wide:
             times = list(zip(release_s, flight_s, strict=True))
             common = scenario.design.release_s, scenario.design.time_of_flight_s
             place_A = points_A.mean(axis=0)
             release, flight = common if common in times else max(sorted(set(times)), key=times.count)
         else:
             there = [k for k, target in enumerate(sent_to) if target == busiest]
+            if region.is_wide:
+                there = [elect_medoid(points_A)]
             place_A, release, flight = ABOVE * points_A[there].mean(axis=0), release_s[there[0]], flight_s[there[0]]
         points_A = np.vstack((points_A, place_A))
         release_s.append(release)
@@ -109,7 +114,8 @@ def _lit(scenario: Scenario, region: TargetRegion) -> Mask:
     times = np.arange(0.0, scenario.duration_s + 0.5 * observation.interval_s, observation.interval_s)
     if scenario.target.lit_at == "arrival":
         times = np.array([design.release_s + design.time_of_flight_s])
-    found = lit_sometime(region, epoch_state(scenario), times, observation.max_incidence_deg)
+    tracer = RayTracer(region.vertices, region.faces)
+    found = lit_sometime(region, epoch_state(scenario), times, observation.max_incidence_deg, tracer=tracer)
     if not found.any():
         raise MissionError(f"target.lit_at = {scenario.target.lit_at}: nothing of {region.mesh.name} is lit then")
     return found

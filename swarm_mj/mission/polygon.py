@@ -20,7 +20,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from swarm_mj.errors import MissionError
 from swarm_mj.io.records import Record, bytes_of, reading, record_from
 from swarm_mj.mission.mesh_cut import Cuts
-from swarm_mj.mission.target import Pyramid, local_axes
+from swarm_mj.mission.target import local_axes
 from swarm_mj.scenarios.schema import Ring, Target
 from swarm_mj.typing import Array, Ints32, Mask
 
@@ -81,7 +81,9 @@ class Polygon:
     @cached_property
     def pieces(self) -> list[Array]:
         """Ends (longitude, latitude) of the arcs of each polygon [deg], shapes (p, 2, 2)."""
-        found = [_densified(np.concatenate([np.stack((r[:-1], r[1:]), axis=1) for r in rings])) for rings in self.polygons]
+        found = [
+            _densified(np.concatenate([np.stack((r[:-1], r[1:]), axis=1) for r in rings])) for rings in self.polygons
+        ]
         if (arcs := sum(map(len, found))) > MAX_ARCS:
             raise MissionError(
                 f"target.polygon: takes {arcs} arcs of great circles: at most {MAX_ARCS} cut a mesh; give fewer corners"
@@ -105,7 +107,7 @@ class Polygon:
         return Cuts(normal[some] / sine[some, None], middle[some], reach[some])
 
     def holds(self, points_A: Array) -> Mask:
-        """Which directions from the centre (n, 3) lie inside: north of them an odd number of its arcs crosses their meridian."""
+        """Which directions from the centre (n, 3) lie inside: an odd number of arcs crosses their meridian north of them."""
         x, y, z = (points_A @ self.turn).T
         latitude, longitude = np.arctan2(z, np.hypot(x, y)), np.degrees(np.arctan2(y, x))
         inside = np.zeros(len(points_A), np.bool_)
@@ -129,7 +131,7 @@ class Polygon:
 
     @cached_property
     def axes(self) -> Array:
-        """East, north and outward at its middle, the mean direction of its area, or of its frame where it goes all around; rows."""
+        """East, north and outward at its middle, as rows: the mean direction of its area; the frame's where it goes all around."""
         total = np.zeros(3)
         for rings in self.polygons:
             for k, ring in enumerate(rings):
@@ -201,7 +203,9 @@ def _rings(given: Any, key: str) -> Rings:
         return TypeAdapter(Annotated[tuple[Ring, ...], Field(min_length=1)]).validate_python(flat)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        where = ", ".join(f"{name} {k + 1}" for name, k in zip(("ring", "corner", "coordinate"), first["loc"], strict=False))
+        where = ", ".join(
+            f"{name} {k + 1}" for name, k in zip(("ring", "corner", "coordinate"), first["loc"], strict=False)
+        )
         raise MissionError(f"{key}: {where}: {first['msg'][0].lower()}{first['msg'][1:]}") from None
     except TypeError:
         raise MissionError(f"{key}: must be rings of corners [east longitude, latitude]") from None

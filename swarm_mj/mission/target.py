@@ -123,6 +123,11 @@ class TargetRegion:
         """Area of each cell times its weight, of which P_TO is made [m^2], shape (n,)."""
         return self.area * self.weight
 
+    @cached_property
+    def total_weighted_area(self) -> float:
+        """Of the target [m^2]."""
+        return float(self.weighted_area.sum())
+
     @property
     def is_weighted(self) -> bool:
         """Whether parts count more than others."""

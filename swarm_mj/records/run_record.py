@@ -144,7 +144,7 @@ def observation_of(record: RunRecord, plan: Plan) -> ObservationResult:
         )
     maps = []
     for suffix in ("", "_passage"):
-        seen = CoverageMap(plan.region.area, plan.n)
+        seen = CoverageMap(plan.region.weighted_area, plan.n)
         seen.first_seen_by_s[:] = record.coverage[f"first_seen_by_s{suffix}"]
         maps.append(seen)
     kept = KeptPictures(cells, plan.n, plan.scenario.data.pictures)

@@ -234,7 +234,7 @@ def data_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
 
 
 def _area_curves(figure: go.Figure, run: RunRecord, delivery: Delivery, axis: TimeAxis) -> None:
-    area, by = run.coverage["area"], run.coverage["first_seen_by_s"]
+    area, by = run.coverage["area"] * run.coverage["weight"], run.coverage["first_seen_by_s"]
     even = np.linspace(0.0, float(delivery.edges_s[-1]), INSTANTS)
     times = np.unique(np.concatenate((even, delivery.tile_arrives_s[delivery.arrived], by[~np.isnan(by)])))
     coverage = CoverageMap(area, len(by))
@@ -259,7 +259,7 @@ def map_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
     """The target's cells by when they arrive, hatched by the reason where they never do."""
     coverage, several = run.coverage, bool(run.scenario.designer.extra_targets)
     corners = _flat_corners(run)
-    times, area = delivery.arrives_s, coverage["area"]
+    times, area = delivery.arrives_s, coverage["area"] * coverage["weight"]
     figure = go.Figure()
     there = ~np.isnan(times)
     for cells, words, colour in _classes(times, there):

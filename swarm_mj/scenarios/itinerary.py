@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from string import ascii_uppercase
 from typing import NamedTuple
 
@@ -70,6 +71,21 @@ def all_targets(scenario: Scenario) -> tuple[Target, ...]:
     alone = scenario.target.model_copy(update={"region": "pyramid", "polygon": None, "polygon_file": None})
     extra = (alone.model_copy(update=extra.model_dump()) for extra in scenario.designer.extra_targets)
     return (scenario.target, *extra)
+
+
+def target_text(target: Target) -> str:
+    """What a target is, in a few words."""
+    if target.region == "polygon":
+        return "polygon" if target.polygon_file is None else f"polygon of {PurePath(target.polygon_file).name}"
+    if target.region == "lit":
+        return f"lit part in the {target.lit_at}" if target.lit_at == "passage" else "lit part at the arrival"
+    if target.region == "body":
+        return "whole body"
+    hemisphere, place = "N" if target.latitude_deg >= 0 else "S", abs(target.latitude_deg)
+    return (
+        f"{place:g}\N{DEGREE SIGN} {hemisphere}, {target.longitude_deg % 360.0:g}\N{DEGREE SIGN} E, half-angle "
+        f"{target.half_angle_deg:g}\N{DEGREE SIGN}"
+    )
 
 
 def last_arrival_s(scenario: Scenario) -> float:

@@ -37,7 +37,7 @@ Latitude = Annotated[float, Field(ge=-90, le=90, description="planetocentric lat
 #: A closed line: its last corner is its first.
 Ring = Annotated[tuple[tuple[Longitude, Latitude], ...], Field(min_length=4, max_length=10_000)]
 #: Weight of a target's area.
-Weight = Annotated[float, Field(gt=0, le=1e6)]
+Weight = Annotated[float, Field(ge=1e-6, le=1e6)]
 
 
 class Target(Section):
@@ -86,9 +86,13 @@ class Target(Section):
     def _polygon_is_given_once(self) -> Self:
         given = [key for key in ("polygon", "polygon_file") if getattr(self, key) is not None]
         if self.region == "polygon" and len(given) != 1:
-            raise ValueError(f"region = polygon: give one of polygon and polygon_file, not {' and '.join(given) or 'none'}")
+            raise ValueError(
+                f"region = polygon: give one of polygon and polygon_file, not {' and '.join(given) or 'none'}"
+            )
         if self.region != "polygon" and given:
-            raise ValueError(f"{given[0]}: says nothing with region = {self.region}; must be left out, or region: polygon")
+            raise ValueError(
+                f"{given[0]}: says nothing with region = {self.region}; must be left out, or region: polygon"
+            )
         return self
 
 

@@ -26,7 +26,7 @@ from swarm_mj.designer.candidates.flights import CandidateFlights, Unreachable, 
 from swarm_mj.designer.candidates.pictures import ImagingModel, Judge, Progress, Watcher
 from swarm_mj.designer.problem import Words, is_subset, pack
 from swarm_mj.flight.environment import load_body_shape
-from swarm_mj.flight.observe import camera_from
+from swarm_mj.flight.observe import camera_from, tell_never_lit
 from swarm_mj.flight.targets import target_from
 from swarm_mj.mission.deployment import tell_part
 from swarm_mj.mission.target import TargetRegion
@@ -111,7 +111,7 @@ class Visibility:
     Attributes:
         candidates: Meaning of each row, shape (n,).
         sees: Whether a candidate sees a cell, shape (n, cells).
-        area: Of each cell of all targets [m^2], shape (cells,); where targets overlap, a cell is there once.
+        area: Of each cell of all targets, times its weight [m^2], shape (cells,); where targets overlap, a cell is there once.
         delta_v: Deployment speed of each candidate [m/s], shape (n,).
         beyond: Whether that is more than the deployer can give, shape (n,).
         point_A: Where each candidate passes at its time of flight, in A [m], shape (n, 3).
@@ -181,7 +181,7 @@ def visibility(
     return Visibility(
         candidates=[candidates[j] for j in kept],
         sees=found.sees[kept],
-        area=region.area,
+        area=region.weighted_area,
         delta_v=delta_v[kept],
         beyond=beyond[kept],
         point_A=np.concatenate([flights.plan.points_A for _, _, flights in flown])[kept],
@@ -246,6 +246,12 @@ class _Sightings:
             self.judged[wave[j]] = True
         self.why = judge.why.copy()
 
+    def tell_never_lit(self, judge: Judge, flights: Sequence[CandidateFlights]) -> None:
+        """Tell of cells that are lit at no time of pictures."""
+        if judge.criterion.needs_sun:
+            times = np.unique(np.concatenate([each.times[each.counts] for each in flights]))
+            tell_never_lit(self.why, judge.observer, judge.criterion, flights[0].plan.environment, times)
+
     def tell(self, before: int, done: float) -> None:
         """Tell how much is done: so many candidates before, and some now."""
         if self.progress is not None:
@@ -259,6 +265,7 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | N
     with closing(Judge(found.region, imaging_model_from(scenario), scenario.observation, workers)) as judge:
         if len(watchers) < designer.thin_from or designer.deliver_within_h is not None:
             found.judge(judge, watchers, np.arange(len(watchers)))
+            found.tell_never_lit(judge, [flights for _, _, flights in flown])
             return
         found.tell(0, 0.0)  # the flights are done
         reach = np.stack([judge.could_see(watcher) for watcher in watchers])
@@ -266,6 +273,7 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | N
         found.stand_in = thinning.stand_in
         for wave in thinning.waves():
             found.judge(judge, watchers, wave)
+        found.tell_never_lit(judge, [flights for _, _, flights in flown])
         found.tell(len(watchers), 0.0)
 
 
