@@ -298,7 +298,7 @@ def extensions(scenario: Scenario) -> dict[str, dict[str, Any]]:
         "as asked": {},
         **{f"every face seen by {fold}": {"designer.fold": fold} for fold in folds},
         "incidence of sunlight at most 70 deg": {"observation.light": "sunlit", "observation.max_incidence_deg": 70.0},
-        f"a second target at {place}": {"designer.extra_targets": [second]},
+        **({f"a second target at {place}": {"designer.extra_targets": [second]}} if target.region == "pyramid" else {}),
         f"altitude free among {_enumerated(altitudes, 1e3)} km": {"designer.altitudes_m": altitudes},
         f"time of flight free among {_enumerated(times)} s": {"designer.times_of_flight_s": times},
     }

@@ -109,17 +109,9 @@ def latitude_longitude(points_A: Array, centre_longitude: float = 0.0) -> tuple[
     return np.degrees(np.arctan2(z, np.hypot(x, y))), centre_longitude + (longitude + 180.0) % 360.0 - 180.0
 
 
-def target_outlines(region: TargetRegion, per_side: int = 60) -> list[Array]:
-    """Directions along the border of each target of a region, closed lines of shape (4 per_side + 1, 3)."""
-    return [_outline(target, per_side) for target in region.targets]
-
-
-def _outline(region: TargetRegion, per_side: int) -> Array:
-    reach = np.tan(region.side_half_angle)
-    corners = reach * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
-    share = np.linspace(0.0, 4.0, 4 * per_side + 1)
-    east, north = (np.interp(share, np.arange(5), corners[:, k]) for k in range(2))
-    return np.column_stack((east, north, np.ones(len(share)))) @ region.axes_A
+def target_outlines(region: TargetRegion) -> list[Array]:
+    """Directions along the borders of the targets of a region, closed lines of shape (n, 3)."""
+    return [line for target in region.targets for line in target.border]
 
 
 def paint(ax: Axes, ground: Ground, body: ShapeModel, colours: Array, lamp_A: Array, *, relief: float = RELIEF) -> None:

@@ -131,7 +131,7 @@ class Polygon:
 
     @cached_property
     def axes(self) -> Array:
-        """East, north and outward at its middle, as rows: the mean direction of its area; the frame's where it goes all around."""
+        """East, north and outward at its middle, as rows: the mean direction of its area, or its frame's."""
         total = np.zeros(3)
         for rings in self.polygons:
             for k, ring in enumerate(rings):
@@ -220,8 +220,8 @@ def _checked(ring: Sequence[tuple[float, float]], where: str) -> Array:
     if (unclear := (steps > 180.0) & (steps != 360.0) & (np.abs(corners[1:, 1]) < 90.0)).any():
         k = int(np.argmax(unclear))
         raise MissionError(
-            f"{where}: the edge from {_told(corners[k])} to {_told(corners[k + 1])} would run over {steps[k]:g} deg of longitude: "
-            "let longitudes run on past 180 where it crosses the antimeridian, or put a corner between"
+            f"{where}: the edge from {_told(corners[k])} to {_told(corners[k + 1])} would run over {steps[k]:g} deg of "
+            "longitude: let longitudes run on past 180 where it crosses the antimeridian, or put a corner between"
         )
     if np.ptp(corners[:, 0]) > 360.0:
         raise MissionError(f"{where}: spans {np.ptp(corners[:, 0]):g} deg of longitude: at most 360")
@@ -232,13 +232,13 @@ def _check_together(rings: tuple[Array, ...], where: str) -> None:
     """Refuse rings of one polygon that cross themselves or each other, and holes outside."""
     edges = np.concatenate([np.stack((ring[:-1], ring[1:]), axis=1) for ring in rings])
     a, b = edges.swapaxes(0, 1)
-    for k, (c, d) in enumerate(edges[:MAX_ARCS]):
+    for c, d in edges[:MAX_ARCS]:
         apart = _side(a, b, c) * _side(a, b, d) < 0.0
         if (cross := apart & (_side(c, d, a) * _side(c, d, b) < 0.0)).any():
             other = edges[int(np.argmax(cross))]
             raise MissionError(
-                f"{where}: the edges {_told(c)} to {_told(d)} and {_told(other[0])} to {_told(other[1])} cross: give its corners "
-                "in order, and polygons that overlap one by one"
+                f"{where}: the edges {_told(c)} to {_told(d)} and {_told(other[0])} to {_told(other[1])} cross: give its "
+                "corners in order, and polygons that overlap one by one"
             )
     for k, ring in enumerate(rings, start=1):
         if abs(_signed_area(ring)) < 1e-9:

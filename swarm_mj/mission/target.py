@@ -1,7 +1,6 @@
-"""The target region: the part of a body's surface inside a virtual pyramid with its apex at the body's centre, inside a polygon,
-or all of it.
+"""The target region: the part of a body's surface inside a pyramid from its centre or inside a polygon, or all of it.
 
-After AAS 19-144, 'Target region generation': the faces inside the pyramid, clipped at its sides, are the set F_T, and
+After AAS 19-144, 'Target region generation': the faces inside the virtual pyramid, clipped at its sides, are the set F_T, and
 the mesh vertices inside, lifted to the imaging altitude, are the n_T visiting points. Everything is in the body-fixed
 frame A, in metres. The pyramid's axis points at the given latitude and longitude; its four sides are parallel to the
 local east and north there (at a pole, east is the limit along the given longitude).
@@ -134,6 +133,13 @@ class TargetRegion:
         return bool(np.ptp(self.weight) > 0.0)
 
     @property
+    def facing_A(self) -> Array:
+        """Mean direction of its outward normals, or its axis where they point everywhere; unit vector, shape (3,)."""
+        mean = self.area @ self.normal_A
+        length = float(np.linalg.norm(mean))
+        return np.asarray(mean / length if length > 1e-3 * self.total_area else self.axes_A[2])
+
+    @property
     def is_wide(self) -> bool:
         """Whether it reaches too far around the body to be drawn about its axis."""
         return any(target.side_half_angle > WIDE for target in self.targets)
@@ -155,8 +161,11 @@ class TargetRegion:
             raise MissionError(f"target.region = {self.kind}: no cell or no vertex of {self.mesh.name} is left to see")
         everything = np.zeros(len(self.mesh.faces), np.bool_)
         everything[self.target[kept]] = True
+        middle = self.area[kept] @ self.centroid_A[kept]
+        longitude = np.degrees(np.arctan2(middle[1], middle[0]))
         return replace(
             self,
+            axes_A=local_axes(0.0, longitude) if self.kind == "lit" else self.axes_A,
             target=self.target[kept],
             group=np.unique(self.group[kept], return_inverse=True)[1],
             weight=self.weight[kept],

@@ -32,7 +32,16 @@ if TYPE_CHECKING:
 #: finely the target's area is measured is left out, and so is what moves a flight by less than a metre.
 DECIDING = {
     "body": ("gravity", "rotation", "orbit"),
-    "target": ("latitude_deg", "longitude_deg", "half_angle_deg", "edges"),
+    "target": (
+        "region",
+        "polygon",
+        "polygon_file",
+        "lit_at",
+        "latitude_deg",
+        "longitude_deg",
+        "half_angle_deg",
+        "edges",
+    ),
     "design": ("imaging_altitude_m", "projection", "time_of_flight_s", "release_s"),
     "mothership": ("position_A_m", "velocity", "approach", "elements", "ephemeris"),
     "behavior": ("name", "parameters", "imaging_radius_m"),

@@ -22,8 +22,8 @@ REMEDIES = {
     Cause.BLURRED: "shorten camera.exposure_s; observation.max_motion_blur_px is the limit",
     Cause.HIDDEN: "add visiting points from other sides",
     Cause.DARK: "arrival when the Sun shines there (epoch), or count dark ground too (observation.light: ignored)",
-    Cause.NEVER_LIT: "no path sees it: fly when the Sun shines there (epoch, duration_s), leave it out (target.region: lit), or "
-    "count dark ground too (observation.light: ignored)",
+    Cause.NEVER_LIT: "no path sees it: fly when the Sun shines there (epoch, duration_s), leave it out "
+    "(target.region: lit), or count dark ground too (observation.light: ignored)",
     Cause.CAMERA_OFF: "let others see the same area too (designer.fold: 2)",
 }
 
@@ -54,7 +54,9 @@ def observed_findings(summary: dict[str, Any]) -> list[str]:
     ]
     if summary.get("target", "").startswith("lit part"):
         share = 100.0 - summary["target_percent_of_body"]
-        found.append(f"the target is {summary['target']}: {share:.3g} % of the body is dark then and no part of it")
+        found.append(
+            f"the target is the {summary['target']}: {share:.3g} % of the body is never lit then and no part of it"
+        )
     if summary.get("light") == "ignored":
         found.append(
             "light is ignored: ground that is dark or in shadow counts as observed (observation.light: sunlit asks)"

@@ -27,7 +27,8 @@ from swarm_mj.simulator.telemetry import FARTHEST, REMEDY
 
 _CELLS, _BY = ("cells",), ("spacecraft", "cells")
 #: Arrays of coverage.npz, as they are written and as they must be to be read: the clipped target mesh in A [m], its cells,
-#: area [m^2] and its weight in P_TO, the face of F_T that each lies in; whether and when [s] each was seen, by the swarm and by each spacecraft,
+#: area [m^2] and its weight in P_TO, the face of F_T that each lies in; whether and when [s] each was seen, by the swarm and by
+#: each spacecraft,
 #: NaN for never, by the scenario's criterion and with suffix `_passage` in the whole passage; of the picture by which each
 #: spacecraft keeps each cell the time [s], the ground sampling distance [m] and the incidence of the Sun [deg]; the `Cause`
 #: why a cell was not seen; the rest of the body.

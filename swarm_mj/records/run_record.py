@@ -32,7 +32,7 @@ from swarm_mj.typing import Array
 #: Arrays of coverage.npz that a report shows.
 SHOWN = (
     "vertices", "faces", "area", "first_seen_s", "first_seen_by_s", "first_seen_s_passage", "first_seen_by_s_passage",
-    "kept_s", "gsd_m", "incidence_deg", "why", "body_vertices", "body_faces",
+    "kept_s", "gsd_m", "incidence_deg", "why", "weight", "body_vertices", "body_faces",
 )  # fmt: skip
 
 
@@ -77,6 +77,11 @@ class RunRecord:
     def times(self) -> Array:
         """Times of the samples [s]."""
         return np.asarray(self.telemetry["time"].values, dtype=np.float64)
+
+    @cached_property
+    def weighted_area(self) -> Array:
+        """Area of each cell times its weight, of which P_TO is made [m^2]."""
+        return np.asarray(self.coverage["area"] * self.coverage["weight"])
 
     @cached_property
     def mode(self) -> NDArray[np.int8]:

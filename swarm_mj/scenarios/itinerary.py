@@ -78,7 +78,7 @@ def target_text(target: Target) -> str:
     if target.region == "polygon":
         return "polygon" if target.polygon_file is None else f"polygon of {PurePath(target.polygon_file).name}"
     if target.region == "lit":
-        return f"lit part in the {target.lit_at}" if target.lit_at == "passage" else "lit part at the arrival"
+        return "lit part, " + ("in the passage" if target.lit_at == "passage" else "at the arrival")
     if target.region == "body":
         return "whole body"
     hemisphere, place = "N" if target.latitude_deg >= 0 else "S", abs(target.latitude_deg)

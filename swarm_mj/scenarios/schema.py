@@ -31,7 +31,6 @@ from swarm_mj.scenarios.schema_sensors import Sensors, expanded_sensors
 from swarm_mj.scenarios.schema_swarm import Swarm
 from swarm_mj.scenarios.section import YOUR_OWN, Parameters, Section, Vector3
 
-
 Longitude = Annotated[float, Field(ge=-360, le=360, description="east longitude [deg]")]
 Latitude = Annotated[float, Field(ge=-90, le=90, description="planetocentric latitude [deg]")]
 #: A closed line: its last corner is its first.
@@ -52,8 +51,8 @@ class Target(Section):
     polygon: tuple[Ring, ...] | None = Field(
         None,
         max_length=1000,
-        description="rings of corners [east longitude, latitude] [deg], the outer one first, then its holes, each closed; edges "
-        "are straight in longitude and latitude, as RFC 7946 has them",
+        description="rings of corners [east longitude, latitude] [deg], the outer one first, then its holes, each closed; "
+        "edges are straight in longitude and latitude, as RFC 7946 has them",
     )
     polygon_file: str | None = Field(
         None,
