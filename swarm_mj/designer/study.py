@@ -98,7 +98,7 @@ class Study:
         """Entries of `design.observers` that fly the design; empty where its points alone do."""
         design = self.scenario.design
         chosen = [self.visibility.candidates[p - 1] for p in self.selected]
-        common = 0, design.imaging_altitude_m, design.time_of_flight_s, design.release_s
+        common = 0, design.imaging_altitude_m, design.time_of_flight_s, design.release_s, design.aim
         if all(candidate[1:] == common for candidate in chosen):
             return []
         return [
@@ -108,6 +108,7 @@ class Study:
                 "imaging_altitude_m": candidate.altitude_m,
                 "time_of_flight_s": candidate.time_of_flight_s,
                 "release_s": candidate.release_s,
+                "aim": candidate.aim,
             }
             for candidate in chosen
         ]
@@ -340,6 +341,8 @@ def describe(candidate: Candidate, seen: Visibility) -> str:
         words += f" in {candidate.time_of_flight_s:g} s"
     if len({c.release_s for c in seen.candidates}) > 1:
         words += f" released at {candidate.release_s:g} s"
+    if len({c.aim for c in seen.candidates}) > 1:
+        words += " looking at its point" if candidate.aim == "point" else " looking at the centre"
     return words
 
 

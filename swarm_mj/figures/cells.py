@@ -86,6 +86,10 @@ def draw_cells(
     east, north, _ = region.axes_A
     lamp = region.facing_A + 0.5 * north - 0.4 * east
     shaded = shade(colours, region.normal_A, lamp, ambient)
+    if region.is_wide:  # lit from straight above everywhere: one lamp would make a night that is none
+        outward = region.centroid_A / np.linalg.norm(region.centroid_A, axis=1, keepdims=True)
+        level = np.clip(np.einsum("ij,ij->i", outward, region.normal_A), 0.0, 1.0)[:, None]
+        shaded = np.clip(colours * (ambient + (1.0 - ambient) * level), 0.0, 1.0)
     bordered = region.n_cells <= MAX_BORDERED
     edges, width = ("white", 0.5) if bordered else (shaded, 0.2)
     cells = triangles(flat_cells(region), facecolors=shaded, edgecolors=edges, linewidths=width, zorder=1)

@@ -252,7 +252,10 @@ def _paint_ground(ax: Axes, plan: Plan, result: ObservationResult, ground: Groun
     colours = face_colours(region.mesh, [(region.target, ORANGE), (region.target[seen], SKY_BLUE)])
     east, north, _ = region.axes_A
     lamp = region.facing_A + 0.5 * north - 0.4 * east
-    paint(ax, ground, region.mesh, colours, lamp, relief=0.0)
+    if region.is_wide:
+        paint(ax, ground, region.mesh, colours, None)
+    else:
+        paint(ax, ground, region.mesh, colours, lamp, relief=0.0)
 
 
 def _draw_union(ax: Axes, poses: list[CameraPose], camera: CameraModel, mesh: ShapeModel, ground: Ground) -> bool:

@@ -114,15 +114,18 @@ def target_outlines(region: TargetRegion) -> list[Array]:
     return [line for target in region.targets for line in target.border]
 
 
-def paint(ax: Axes, ground: Ground, body: ShapeModel, colours: Array, lamp_A: Array, *, relief: float = RELIEF) -> None:
-    """Paint a map in the colours of the mesh's faces (F, 3), lit from a direction in A.
+def paint(
+    ax: Axes, ground: Ground, body: ShapeModel, colours: Array, lamp_A: Array | None, *, relief: float = RELIEF
+) -> None:
+    """Paint a map in the colours of the mesh's faces (F, 3), lit from a direction in A; None: from straight above everywhere.
 
     With `relief` slopes are darker, so that the night side shows its ground too. Where the body has none the map stays white.
     """
     outward = ground.points_A / np.linalg.norm(ground.points_A, axis=-1, keepdims=True)
     level = np.einsum("...i,...i", outward, body.face_normals[ground.face])
     brightness = 1.0 - relief * (1.0 - np.clip(level, 0.0, 1.0))
-    picture = shade(colours, body.face_normals, lamp_A, AMBIENT)[ground.face] * brightness[..., None]
+    shaded = colours if lamp_A is None else shade(colours, body.face_normals, lamp_A, AMBIENT)
+    picture = shaded[ground.face] * brightness[..., None]
     sides = [(a[0] - 0.5 * (a[1] - a[0]), a[-1] + 0.5 * (a[1] - a[0])) for a in (ground.longitudes, ground.latitudes)]
     extent = (*sides[0], *sides[1])
     ax.imshow(np.nan_to_num(picture, nan=1.0), origin="lower", extent=extent, interpolation="nearest", zorder=0)

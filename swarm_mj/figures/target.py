@@ -26,6 +26,8 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.scenarios.itinerary import itinerary, target_text
 from swarm_mj.typing import Array, Indices, Mask
 
+#: More visiting points than these would cover the target; those that are visited are shown then.
+MAX_SHOWN = 500
 #: Room that a digit takes [pt].
 NUMBER_PT = 8.0
 
@@ -75,8 +77,9 @@ def _draw_overview(ax: Axes, plan: Plan) -> None:
     vertices = np.concatenate([target.visiting_vertex for target in region.targets])
     view = max(views_of(region), key=lambda view: visible_share(view, region))
     chosen = np.flatnonzero(np.concatenate([_visited(plan, k) for k in targets]))
-    shown = np.vstack((region.corners_A.reshape(-1, 3), points))
-    whole = np.vstack((region.mesh.vertices, points))
+    some = points if len(points) <= MAX_SHOWN else points[chosen]
+    shown = np.vstack((region.corners_A.reshape(-1, 3), some))
+    whole = np.vstack((region.mesh.vertices, some))
     near = np.ptp(whole, axis=0).max() > WIDER * np.ptp(shown, axis=0).max()  # on a large body they would be a speck
     box = box_around(shown if near else whole)
     draw_box(ax, view, box)
@@ -84,7 +87,8 @@ def _draw_overview(ax: Axes, plan: Plan) -> None:
     for k in chosen:
         ground = region.vertices[vertices[k]]
         draw_line(ax, view, region.mesh, np.array([ground, points[k]]), color=VERMILLION, linewidth=0.9)
-    draw_points(ax, view, region.mesh, points, marker="o", markersize=2.2, color=BLACK)
+    if len(points) <= MAX_SHOWN:
+        draw_points(ax, view, region.mesh, points, marker="o", markersize=2.2, color=BLACK)
     draw_points(
         ax, view, region.mesh, points[chosen], marker="o", markersize=6, color=VERMILLION, markeredgecolor="white"
     )
@@ -111,9 +115,13 @@ def _draw_close_up(ax: Axes, plan: Plan) -> tuple[str, bool]:
     flat = np.concatenate([flat_points(region, k, visiting_points(plan, k)) for k in targets])
     visited = np.concatenate([_visited(plan, k) for k in targets])
     numbers = np.concatenate([np.arange(region.targets[k].n_visiting) + 1 for k in targets])
+    words = f"the {len(flat)} visiting points, seen from the body's centre"
+    if len(flat) > MAX_SHOWN:
+        words = f"the visited of {len(flat)} visiting points"
+        flat, numbers, visited = flat[visited], numbers[visited], visited[visited]
     ax.plot(*flat[~visited].T, "o", color=BLACK, markersize=2.5)
     ax.plot(*flat[visited].T, "o", color=VERMILLION, markersize=7, markeredgecolor="white")
-    caption(ax, f"the {len(flat)} visiting points, seen from the body's centre")
+    caption(ax, words)
     numbered = _number_points(ax, flat, visited, numbers)
     words = ", with their numbers" if numbered[visited].all() else ", numbered where there is room"
     return words if numbered[visited].any() else "", not visited.all()

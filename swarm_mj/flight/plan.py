@@ -18,7 +18,7 @@ from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.flight.feasibility import EncounterCheck
 from swarm_mj.flight.mothership import check_approach, mothership_state
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
-from swarm_mj.flight.targets import legs, pyramid_about, target_from, true_target, visiting_points
+from swarm_mj.flight.targets import legs, pyramid_about, target_from, true_target, visiting_points, with_aims
 from swarm_mj.mission.behaviors import AimedBehavior, Behavior, SelectiveBehavior
 from swarm_mj.mission.deployer import check_deployer
 from swarm_mj.mission.deployment import deploy, planned_paths
@@ -128,6 +128,7 @@ def make_plan(
     environment = environment_from(scenario, shape, properties.mass)
     stops, region = itinerary(scenario), target_from(scenario, shape)
     points_A = visiting_points(scenario, shape, region)
+    behavior = with_aims(scenario, behavior, region)
     region = true_target(scenario, shape, region)
     mothership = mothership_state(scenario, environment)
     check_approach(scenario, shape, environment, mothership)

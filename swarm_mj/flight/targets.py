@@ -10,7 +10,7 @@ import numpy as np
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight.environment import epoch_state
 from swarm_mj.flight.light import lit_sometime
-from swarm_mj.mission.behaviors import Behavior, elect_medoid
+from swarm_mj.mission.behaviors import Behavior, MissionBehavior, PointAims, elect_medoid
 from swarm_mj.mission.deployment import groups
 from swarm_mj.mission.polygon import Polygon, polygon_from
 from swarm_mj.mission.target import (
@@ -64,6 +64,27 @@ def legs(
         release_s.append(release)
         flight_s.append(flight)
     return {"points_A": points_A, "release_s": np.array(release_s), "time_of_flight": np.array(flight_s)}
+
+
+def with_aims(scenario: Scenario, behavior: Behavior, region: TargetRegion) -> Behavior:
+    """The behaviour with the observers' aims, see `design.aim`.
+
+    Raises:
+        ScenarioError: It decides by itself where observers look.
+    """
+    stops = itinerary(scenario)
+    if all(stop.aim == "centre" for stop in stops):
+        return behavior
+    if isinstance(behavior, MissionBehavior):
+        raise ScenarioError(
+            f"design.aim = point: behavior.name = {scenario.behavior.name} decides by itself where observers look; must be "
+            "centre"
+        )
+    points_A = np.full((len(stops), 3), np.nan)
+    for k, stop in enumerate(stops):
+        if stop.aim == "point":
+            points_A[k] = region.vertices[region.targets[stop.target].visiting_vertex[stop.point - 1]]
+    return PointAims(behavior, points_A)
 
 
 def target_from(scenario: Scenario, shape: ShapeModel) -> TargetRegion:

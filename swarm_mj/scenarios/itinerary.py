@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swarm_mj.scenarios.schema import Scenario, Target
-from swarm_mj.scenarios.schema_itinerary import Visit
+from swarm_mj.scenarios.schema_itinerary import Aim, Visit
 from swarm_mj.typing import Array
 
 
@@ -22,6 +22,7 @@ class Stop(NamedTuple):
         altitude_m: Imaging altitude [m].
         time_of_flight_s: From release to arrival [s].
         release_s: Past the epoch [s].
+        aim: Where it looks, see `design.aim`.
     """
 
     target: int
@@ -29,6 +30,7 @@ class Stop(NamedTuple):
     altitude_m: float
     time_of_flight_s: float
     release_s: float
+    aim: Aim = "centre"
 
     @property
     def arrival_s(self) -> float:
@@ -47,6 +49,7 @@ def itinerary(scenario: Scenario) -> tuple[Stop, ...]:
             _given(arrival.imaging_altitude_m, design.imaging_altitude_m),
             _given(arrival.time_of_flight_s, design.time_of_flight_s),
             _given(arrival.release_s, design.release_s),
+            arrival.aim or design.aim,
         )
         for arrival, point in zip(arrivals, design.visiting_points, strict=True)
     )

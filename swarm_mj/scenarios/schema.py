@@ -16,7 +16,7 @@ from swarm_mj.scenarios.bodies import expanded_body, packaged_bodies
 from swarm_mj.scenarios.schema_body import Body, Ephemerides, Perturbations
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
 from swarm_mj.scenarios.schema_imaging import Camera, Observation
-from swarm_mj.scenarios.schema_itinerary import Design
+from swarm_mj.scenarios.schema_itinerary import Aim, Design
 from swarm_mj.scenarios.schema_link import Data, Link
 from swarm_mj.scenarios.schema_mothership import Mothership
 from swarm_mj.scenarios.schema_propulsion import (
@@ -236,6 +236,16 @@ class Designer(Section):
         description="times past the epoch to choose from at which a spacecraft is released [s], so that rotation and light are "
         "used; empty: the design's",
     )
+    aims: tuple[Aim, ...] = Field(
+        (), max_length=2, description="where a spacecraft may look, see design.aim, to choose from; empty: the design's"
+    )
+    max_points: int | None = Field(
+        None,
+        ge=1,
+        le=100_000,
+        description="visiting points of a target that are tried: so many of its mesh vertices, each in turn the farthest from "
+        "those before; null: all, which of a whole body are thousands",
+    )
     deliver_within_h: float | None = Field(
         None,
         gt=0,
@@ -254,7 +264,7 @@ class Designer(Section):
     @model_validator(mode="after")
     def _delivered_by_one_flight(self) -> Self:
         if self.deliver_within_h is not None:
-            for key in ("extra_targets", "altitudes_m", "times_of_flight_s", "releases_s"):
+            for key in ("extra_targets", "altitudes_m", "times_of_flight_s", "releases_s", "aims"):
                 if getattr(self, key):
                     raise ValueError(
                         f"{key}: must be empty with deliver_within_h = {self.deliver_within_h:g}, which is judged by one "

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.compilation import kernel
-from swarm_mj.designer.candidates.flights import CandidateFlights, Unreachable, fly_candidates
+from swarm_mj.designer.candidates.flights import CandidateFlights, Unreachable, b_plane_of, fly_candidates
 from swarm_mj.designer.candidates.pictures import ImagingModel, Judge, Progress, Watcher
 from swarm_mj.designer.problem import Words, is_subset, pack
 from swarm_mj.flight.environment import load_body_shape
@@ -33,6 +33,7 @@ from swarm_mj.mission.target import TargetRegion
 from swarm_mj.scenarios.itinerary import all_targets
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_itinerary import Aim
 from swarm_mj.typing import Array, Indices, Mask
 
 #: Candidates in the first wave.
@@ -95,6 +96,7 @@ class Candidate(NamedTuple):
         altitude_m: Imaging altitude [m].
         time_of_flight_s: [s].
         release_s: Past the epoch [s].
+        aim: Where it looks, see `design.aim`.
     """
 
     point: int
@@ -102,6 +104,7 @@ class Candidate(NamedTuple):
     altitude_m: float
     time_of_flight_s: float
     release_s: float
+    aim: Aim = "centre"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +118,7 @@ class Visibility:
         delta_v: Deployment speed of each candidate [m/s], shape (n,).
         beyond: Whether that is more than the deployer can give, shape (n,).
         point_A: Where each candidate passes at its time of flight, in A [m], shape (n, 3).
+        b_plane: B.T and B.R [m] and the speed on the asymptote [m/s] of each candidate's path, see `b_plane_of`, shape (n, 3).
         region: All targets in one; its `targets` are each of them.
         left_out: What the designer might have chosen but nobody can fly to, and why.
         unjudged: Candidates whose pictures were not judged because of an interruption; they count as seeing nothing.
@@ -130,6 +134,7 @@ class Visibility:
     delta_v: Array
     beyond: Mask
     point_A: Array
+    b_plane: Array
     region: TargetRegion
     left_out: list[tuple[Candidate, str]] = field(default_factory=list)
     why: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
@@ -185,6 +190,7 @@ def visibility(
         delta_v=delta_v[kept],
         beyond=beyond[kept],
         point_A=np.concatenate([flights.plan.points_A for _, _, flights in flown])[kept],
+        b_plane=np.concatenate([b_plane_of(flights) for _, _, flights in flown])[kept],
         region=region,
         left_out=left_out,
         why=found.why,
@@ -199,7 +205,7 @@ Flown = list[tuple[int, Scenario, CandidateFlights]]
 
 def _candidate(variant: Scenario, target: int, point: int) -> Candidate:
     design = variant.design
-    return Candidate(point, target, design.imaging_altitude_m, design.time_of_flight_s, design.release_s)
+    return Candidate(point, target, design.imaging_altitude_m, design.time_of_flight_s, design.release_s, design.aim)
 
 
 def _fly(variants: list[Scenario], flying: Progress | None) -> tuple[Flown, list[tuple[Candidate, str]]]:
@@ -284,12 +290,13 @@ def target_variants(scenario: Scenario) -> list[Scenario]:
 
 
 def flight_variants(scenario: Scenario) -> list[Scenario]:
-    """The scenario with each of the altitudes, times of flight and releases that the designer may choose from."""
+    """The scenario with each of the altitudes, times of flight, releases and aims that the designer may choose from."""
     design, designer = scenario.design, scenario.designer
     choices = {
         "design.imaging_altitude_m": designer.altitudes_m or (design.imaging_altitude_m,),
         "design.time_of_flight_s": designer.times_of_flight_s or (design.time_of_flight_s,),
         "design.release_s": designer.releases_s or (design.release_s,),
+        "design.aim": designer.aims or (design.aim,),
     }
     # Read again, so that a value that does not fit is refused like one in the file.
     variants = [
