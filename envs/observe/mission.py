@@ -396,8 +396,8 @@ def make_own(scenario: Scenario, *, target: Target, patches: int, observer: Obse
     whole = target == "body" or plan.region.kind == "body"
     if plan.region.is_wide and not whole:
         raise ScenarioError(
-            f"target.region = {plan.region.kind}: reaches too far around the body to be told in patches about one place: must be a "
-            "pyramid, a polygon within 75 deg of its middle, or body; or make the environment with target='body'"
+            f"target.region = {plan.region.kind}: reaches too far around the body to be told in patches about one place: must "
+            "be a pyramid, a polygon within 75 deg of its middle, or body; or make the environment with target='body'"
         )
     if whole:
         plan = replace(plan, region=_whole_region(plan))
