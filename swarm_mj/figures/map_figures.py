@@ -132,7 +132,7 @@ def _track_handles(plan: Plan, step: str) -> list[Line2D]:
         mark(f"every {step}", ".", 6, GREY),
         mark("arrival", "o", 7, GREY, "white"),
         mark("end", "s", 6, GREY, "white"),
-        Line2D([], [], color=BLACK, linewidth=1.8, label="target"),
+        *([Line2D([], [], color=BLACK, linewidth=1.8, label="target")] if target_outlines(plan.region) else []),
         mark("subsolar point", "*", 13, ORANGE, BLACK),
         mark("sub-Earth point", "P", 8, GREEN, BLACK),
     ]

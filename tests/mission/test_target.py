@@ -158,7 +158,9 @@ def test_the_pyramid_cuts_a_square_out_of_a_box():
 
 def test_planes_through_vertices_and_edges_make_no_slivers():
     shape = box()
-    vertices, faces, parent = cut_mesh(shape.vertices, shape.faces, Cuts(np.array([[1, 1, 0], [1, -1, 0]]) / np.sqrt(2)))
+    vertices, faces, parent = cut_mesh(
+        shape.vertices, shape.faces, Cuts(np.array([[1, 1, 0], [1, -1, 0]]) / np.sqrt(2))
+    )
     assert is_closed(faces)
     assert ShapeModel(vertices, faces).face_areas.min() > 0.1
     with pytest.raises(MissionError, match="no mesh vertex"):
