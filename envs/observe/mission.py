@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from swarm_mj.dataflow.link_budget import RateTable, rate_at
-from swarm_mj.errors import MissionError
+from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.flight.observe import camera_from, schedule_from
 from swarm_mj.flight.plan import Plan, make_plan

@@ -43,8 +43,8 @@ def shape():
 def swept_cap(declination, limit, turn):
     """Solid angle of a cap about the subsolar point, swept by a turn of the body, by a sum over latitudes in closed form.
 
-    At each latitude the cap spans a half-width w of longitude with cos w = (cos limit - sin d sin f) / (cos d cos f), and the turn
-    adds to it.
+    At each latitude the cap spans a half-width w of longitude with cos w = (cos limit - sin d sin f) / (cos d cos f), and the
+    turn adds to it.
     """
     latitude = np.linspace(-np.pi / 2, np.pi / 2, 200_001)
     with np.errstate(invalid="ignore", divide="ignore"):
