@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from swarm_mj.dataflow.link_budget import RateTable, rate_at
-from swarm_mj.errors import MissionError
+from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.flight.observe import camera_from, schedule_from
 from swarm_mj.flight.plan import Plan, make_plan
@@ -398,7 +398,12 @@ def make_own(
         ScenarioError: Compiled code cannot fly it; the message says why.
     """
     plan, design = make_plan(scenario), scenario.design
-    whole = target == "body"
+    whole = target == "body" or plan.region.kind == "body"
+    if plan.region.is_wide and not whole:
+        raise ScenarioError(
+            f"target.region = {plan.region.kind}: reaches too far around the body to be told in patches about one place: must "
+            "be a pyramid, a polygon within 75 deg of its middle, or body; or make the environment with target='body'"
+        )
     if whole:
         plan = replace(plan, region=_whole_region(plan))
     region = plan.region

@@ -14,6 +14,7 @@ from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.io.atomic import atomic_file
 from swarm_mj.records.observed import when_text
 from swarm_mj.scenarios import catalogue, schema
+from swarm_mj.scenarios.itinerary import all_targets, target_text
 from swarm_mj.scenarios.keys import Key
 from swarm_mj.scenarios.loading import (
     NO_OVERRIDES,
@@ -30,9 +31,7 @@ if TYPE_CHECKING:
 #: What the short table of a scenario shows, by its words.
 SHOWN: dict[str, Callable[[schema.Scenario], str]] = {
     "body": lambda s: f"{s.body.name}, gravity by {s.body.gravity.model}",
-    "target": lambda s: (
-        f"{s.target.latitude_deg:g}° N, {s.target.longitude_deg:g}° E, half-angle {s.target.half_angle_deg:g}°"
-    ),
+    "target": lambda s: "; ".join(map(target_text, all_targets(s))),
     "observers visit points": lambda s: ", ".join(map(str, s.design.visiting_points)),
     "imaging altitude": lambda s: f"{s.design.imaging_altitude_m / 1e3:g} km",
     "arrival": lambda s: f"after {s.design.time_of_flight_s:g} s of {s.duration_s:g} s",

@@ -301,6 +301,8 @@ def _hashes(scenarios: Iterable[Scenario]) -> Iterator[tuple[str, str]]:
             yield scenario.body.shape, _hash_of_file("body.shape", scenario.body.shape)
         if scenario.spacecraft.mjcf is not None:
             yield scenario.spacecraft.mjcf, _hash_of_file("spacecraft.mjcf", scenario.spacecraft.mjcf)
+        if scenario.target.polygon_file is not None:
+            yield scenario.target.polygon_file, _hash_of_file("target.polygon_file", scenario.target.polygon_file)
         own = {"control.controller": scenario.control.controller, "behavior.name": scenario.behavior.name}
         for key, name in (own | {"body.gravity.model": scenario.body.gravity.model}).items():
             if (place := file_of(name)) is not None:

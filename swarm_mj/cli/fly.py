@@ -137,7 +137,7 @@ def _notes(summary: dict[str, Any]) -> list[str]:
 def _design(arguments: argparse.Namespace) -> int:
     from swarm_mj.api.design import design
     from swarm_mj.api.scenario import load
-    from swarm_mj.cli.tables import design_table, growth_table
+    from swarm_mj.cli.tables import design_table, growth_table, paths_table
 
     overrides = overrides_of(arguments)
     if arguments.fold is not None:
@@ -159,6 +159,7 @@ def _design(arguments: argparse.Namespace) -> int:
             progress=bars,
         )
     show_table(bars.console, design_table(found.record))
+    show_table(bars.console, paths_table(found.record))
     if arguments.compare:
         show_table(bars.console, growth_table(found.compared))
     tell(bars.console, f"{scenario.name}: files in {folder}", _hint(arguments, folder))

@@ -198,6 +198,19 @@ def _gap_words(record: dict[str, Any]) -> str:
     return "the genetic algorithm covers too little" if gap < 0 else f"gap of the genetic algorithm to the proof: {gap}"
 
 
+def paths_table(record: dict[str, Any]) -> Table:
+    """The selected paths of a design, each with its place in the B-plane."""
+    table = Table(title="Selected paths", title_justify="left")
+    for heading in ("path", "B.T [km]", "B.R [km]", "v_inf [m/s]", "delta-v [m/s]"):
+        table.add_column(escape(heading), justify="left" if heading == "path" else "right")
+    for words, plane, delta_v in zip(record["candidates"], record["b_plane"], record["delta_v_m_s"], strict=True):
+        place = ["-" if plane[key] is None else f"{plane[key] / 1e3:.3f}" for key in ("b_t_m", "b_r_m")]
+        speed = "bound" if plane["v_infinity_m_s"] is None else f"{plane['v_infinity_m_s']:.4g}"
+        table.add_row(escape(words), *place, speed, f"{delta_v:.2f}")
+    table.caption = "B-plane of the two-body orbit at the release, pole: z of the ecliptic"
+    return table
+
+
 def growth_table(compared: pd.DataFrame) -> Table:
     """The proven minimum under each extension, see `Design.compared`."""
     table = Table(title="Beyond the paper: the proven minimum", title_justify="left")

@@ -63,13 +63,13 @@ def _lit_shares(region: TargetRegion, sun_A: list[Array], limit_deg: float, aske
     """
     tracer, share = RayTracer(region.vertices, region.faces), np.zeros(len(sun_A))
     cells = [lit(region, sun, max_incidence_deg=limit_deg) for sun in sun_A]
-    at_most = np.array([region.area[chosen].sum() for chosen in cells]) / region.total_area
+    at_most = np.array([region.weighted_area[chosen].sum() for chosen in cells]) / region.total_weighted_area
     for k in np.argsort(-at_most, kind="stable"):
         interruption.check()
         if at_most[k] < _enough(share.max(), asked):
             break
         chosen = lit(region, sun_A[k], max_incidence_deg=limit_deg, tracer=tracer)
-        share[k] = region.area[chosen].sum() / region.total_area
+        share[k] = region.weighted_area[chosen].sum() / region.total_weighted_area
     return share
 
 

@@ -104,7 +104,7 @@ class Study:
         """Entries of `design.observers` that fly the design; empty where its points alone do."""
         design = self.scenario.design
         chosen = [self.visibility.candidates[p - 1] for p in self.selected]
-        common = 0, design.imaging_altitude_m, design.time_of_flight_s, design.release_s
+        common = 0, design.imaging_altitude_m, design.time_of_flight_s, design.release_s, design.aim
         if all(candidate[1:] == common for candidate in chosen):
             return []
         return [
@@ -114,6 +114,7 @@ class Study:
                 "imaging_altitude_m": candidate.altitude_m,
                 "time_of_flight_s": candidate.time_of_flight_s,
                 "release_s": candidate.release_s,
+                "aim": candidate.aim,
             }
             for candidate in chosen
         ]
@@ -177,7 +178,7 @@ def study_design(
         except KeyboardInterrupt:
             clock.interrupted = clock.name
         except MissionError as error:
-            dark = len(seen.why) and (seen.why == Cause.DARK).any() and not work.problem.can_be_covered
+            dark = np.isin(seen.why, (Cause.DARK, Cause.NEVER_LIT)).any() and not work.problem.can_be_covered
             if not dark:
                 raise
             raise MissionError(f"{error}; {daylight_text(scenario, seen.region)}") from None
@@ -304,7 +305,11 @@ def extensions(scenario: Scenario) -> dict[str, dict[str, Any]]:
         "as asked": {},
         **{f"every face seen by {fold}": {"designer.fold": fold} for fold in (designer.fold + 1, designer.fold + 2)},
         f"incidence of sunlight at most {incidence:g} deg": light,
-        f"one more target at {place}": {"designer.extra_targets": targets},
+        **(
+            {f"one more target at {place}": {"designer.extra_targets": targets}}
+            if scenario.target.region == "pyramid"
+            else {}
+        ),
         f"altitude free among {_enumerated(altitudes, 1e3)} km": {"designer.altitudes_m": altitudes},
         f"time of flight free among {_enumerated(times)} s": flights,
     }
@@ -356,6 +361,8 @@ def describe(candidate: Candidate, seen: Visibility) -> str:
         words += f" in {candidate.time_of_flight_s:g} s"
     if len({c.release_s for c in seen.candidates}) > 1:
         words += f" released at {candidate.release_s:g} s"
+    if len({c.aim for c in seen.candidates}) > 1:
+        words += " looking at its point" if candidate.aim == "point" else " looking at the centre"
     return words
 
 

@@ -116,7 +116,7 @@ def _draw_received(ax: Axes, delivery: Delivery, scale: TimeScale, unit: DataUni
 
 def _draw_area(ax: Axes, plan: Plan, result: ObservationResult, delivery: Delivery, scale: TimeScale) -> list[Line2D]:
     """Seen, delivered, and the most that any schedule delivers; gives the legend's entries."""
-    area, seconds = plan.region.total_area, scale.axis.seconds
+    area, seconds = plan.region.total_weighted_area, scale.axis.seconds
     times = _instants(delivery, scale)
     seen, arrived = result.coverage.percent_over_time(times), percent_over_time(delivery, area, times)
     handles = ax.step(times / seconds, seen, where="post", color=SKY_BLUE, linewidth=4.0, label="seen")
@@ -167,7 +167,7 @@ def compose_delivered_map(plan: Plan, telemetry: xr.Dataset, result: Observation
     unseen = _percent(plan, delivery.tile_of_cell < 0)
     if unseen >= LEAST_PERCENT:
         handles.append(Patch(facecolor=LIGHT_GREY, label=f"not seen: {rounded_up_digits(unseen)} %"))
-    caption(ax, _outcome(result, delivery, plan.region.total_area, time_axis(delivery.full_s), best=False))
+    caption(ax, _outcome(result, delivery, plan.region.total_weighted_area, time_axis(delivery.full_s), best=False))
     if handles:
         legend_below(figure, handles)
     return figure
@@ -213,4 +213,4 @@ def _draw_missing(ax: Axes, plan: Plan, delivery: Delivery) -> list[Patch]:
 
 
 def _percent(plan: Plan, cells: Mask) -> float:
-    return 100.0 * float(plan.region.area[cells].sum()) / plan.region.total_area
+    return 100.0 * float(plan.region.weighted_area[cells].sum()) / plan.region.total_weighted_area

@@ -17,10 +17,9 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
 from swarm_mj.designer.study import Study, describe
-from swarm_mj.figures.cells import draw_cells
+from swarm_mj.figures.cells import draw_cells, flat_points
 from swarm_mj.figures.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILLION
 from swarm_mj.figures.style import HALO, TICK_PT, annotate, caption, label, new_figure, plain, tidy, write
-from swarm_mj.mission.target import angles
 from swarm_mj.scenarios.itinerary import target_name
 
 #: Colour of a cell by how many of the chosen spacecraft see it; the last stands for all larger numbers.
@@ -114,7 +113,7 @@ def compose_cover(study: Study) -> Figure:
 
 def _draw_points(ax: Axes, study: Study, target: int) -> None:
     region = study.visibility.region.targets[target]
-    flat = angles(region.vertices[region.visiting_vertex], region.axes_A)
+    flat = flat_points(region, 0, region.vertices[region.visiting_vertex])
     ax.plot(*flat.T, "o", color=BLACK, markersize=1.8)
     chosen = [study.visibility.candidates[p - 1] for p in study.selected]
     for number in sorted({c.point for c in chosen if c.target == target}):

@@ -68,7 +68,7 @@ def compose_ground_track(plan: Plan, telemetry: xr.Dataset, result: ObservationR
     time, axis = scene.times[arrival], time_axis(plan.scenario.duration_s)
     figure = new_figure(5.7, f"Ground track: {plan.scenario.name}")
     ax = figure.subplots()
-    window = whole_body(plan.scenario.target.longitude_deg)
+    window = whole_body(plan.region.centre_longitude_deg)
     C_AN = plan.environment.C_AN(time)
     sun, earth = (unit(C_AN @ motion.at(time)) for motion in (plan.environment.sun, plan.environment.earth))
     ground = survey(mesh, window, TRACK_COLUMNS)
@@ -132,7 +132,7 @@ def _track_handles(plan: Plan, step: str) -> list[Line2D]:
         mark(f"every {step}", ".", 6, GREY),
         mark("arrival", "o", 7, GREY, "white"),
         mark("end", "s", 6, GREY, "white"),
-        Line2D([], [], color=BLACK, linewidth=1.8, label="target"),
+        *([Line2D([], [], color=BLACK, linewidth=1.8, label="target")] if target_outlines(plan.region) else []),
         mark("subsolar point", "*", 13, ORANGE, BLACK),
         mark("sub-Earth point", "P", 8, GREEN, BLACK),
     ]
@@ -223,8 +223,10 @@ def _margin_at(camera: CameraModel, pose: CameraPose, points: Array, face: Indic
 
 def _window(plan: Plan, camera: CameraModel, poses: list[CameraPose]) -> MapExtent:
     """The target and the footprints of the arrival, with some room around."""
-    mesh, centre = plan.region.mesh, plan.scenario.target.longitude_deg
+    mesh, centre = plan.region.mesh, plan.region.centre_longitude_deg
     coarse = survey(mesh, whole_body(centre), SEARCH_COLUMNS)
+    if plan.region.is_wide:
+        return whole_body(centre)
     latitude, longitude = latitude_longitude(np.concatenate(target_outlines(plan.region)), centre)
     for pose in poses:
         row, column = np.nonzero(view_margin(camera, pose, coarse, mesh) > 0.0)
@@ -249,8 +251,11 @@ def _paint_ground(ax: Axes, plan: Plan, result: ObservationResult, ground: Groun
     region, seen = plan.region, result.coverage.seen
     colours = face_colours(region.mesh, [(region.target, ORANGE), (region.target[seen], SKY_BLUE)])
     east, north, _ = region.axes_A
-    lamp = unit(region.area @ region.normal_A) + 0.5 * north - 0.4 * east
-    paint(ax, ground, region.mesh, colours, lamp, relief=0.0)
+    lamp = region.facing_A + 0.5 * north - 0.4 * east
+    if region.is_wide:
+        paint(ax, ground, region.mesh, colours, None)
+    else:
+        paint(ax, ground, region.mesh, colours, lamp, relief=0.0)
 
 
 def _draw_union(ax: Axes, poses: list[CameraPose], camera: CameraModel, mesh: ShapeModel, ground: Ground) -> bool:
@@ -330,7 +335,8 @@ def _handles(plan: Plan, result: ObservationResult, colours: dict[int, str], uni
         handles.append(Patch(facecolor=SKY_BLUE, label="target, observed"))
     if not seen.all():
         handles.append(Patch(facecolor=ORANGE, label="target, not observed"))
-    handles.append(Line2D([], [], color=BLACK, linewidth=2.2, label="outline of the target"))
+    if target_outlines(plan.region):
+        handles.append(Line2D([], [], color=BLACK, linewidth=2.2, label="outline of the target"))
     shown = len(shown_spacecraft(plan.n_observers))
     if shown <= len(SPACECRAFT):
         lines = spacecraft_styles(shown)

@@ -110,29 +110,23 @@ def latitude_longitude(points_A: Array, centre_longitude: float = 0.0) -> tuple[
     return np.degrees(np.arctan2(z, np.hypot(x, y))), centre_longitude + (longitude + 180.0) % 360.0 - 180.0
 
 
-def target_outlines(region: TargetRegion, per_side: int = 60) -> list[Array]:
-    """Directions along the border of each target of a region, closed lines of shape (4 per_side + 1, 3)."""
-    return [_outline(target, per_side) for target in region.targets]
+def target_outlines(region: TargetRegion) -> list[Array]:
+    """Directions along the borders of the targets of a region, closed lines of shape (n, 3)."""
+    return [line for target in region.targets for line in target.border]
 
 
-def _outline(region: TargetRegion, per_side: int) -> Array:
-    reach = np.tan(region.side_half_angle)
-    corners = reach * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
-    share = np.linspace(0.0, 4.0, 4 * per_side + 1)
-    east, north = (np.interp(share, np.arange(5), corners[:, k]) for k in range(2))
-    return np.column_stack((east, north, np.ones(len(share)))) @ region.axes_A
-
-
-def paint(ax: Axes, ground: Ground, body: ShapeModel, colours: Array, lamp_A: Array, *, relief: float = RELIEF) -> None:
-    """Paint a map in the colours of the mesh's faces (F, 3), lit from a direction in A.
+def paint(
+    ax: Axes, ground: Ground, body: ShapeModel, colours: Array, lamp_A: Array | None, *, relief: float = RELIEF
+) -> None:
+    """Paint a map in the colours of the mesh's faces (F, 3), lit from a direction in A; None: from straight above everywhere.
 
     With `relief` slopes are darker, so that the night side shows its ground too. Where the body has none the map stays white.
     """
     outward = ground.points_A / np.linalg.norm(ground.points_A, axis=-1, keepdims=True)
     level = np.einsum("...i,...i", outward, body.face_normals[ground.face])
     brightness = 1.0 - relief * (1.0 - np.clip(level, 0.0, 1.0))
-    picture = shade(colours, body.face_normals, lamp_A, AMBIENT)[ground.face] * brightness[..., None]
-    _show(ax, ground, np.nan_to_num(picture, nan=1.0))
+    shaded = colours if lamp_A is None else shade(colours, body.face_normals, lamp_A, AMBIENT)
+    _show(ax, ground, np.nan_to_num(shaded[ground.face] * brightness[..., None], nan=1.0))
 
 
 def paint_values(ax: Axes, ground: Ground, values: Array, colours: Colormap, scale: Normalize, beyond: str) -> None:

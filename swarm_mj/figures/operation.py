@@ -81,7 +81,7 @@ def compose_operation(plan: Plan, telemetry: xr.Dataset, result: ObservationResu
     seen_by_then = [np.nan_to_num(result.coverage.first_seen_s, nan=np.inf) <= scene.times[k] for k in instants]
     started = []
     for column, (k, seen) in enumerate(zip(instants, seen_by_then, strict=True)):
-        percent = percent_text(100.0 * plan.region.area[seen].sum() / plan.region.total_area)
+        percent = percent_text(100.0 * plan.region.weighted_area[seen].sum() / plan.region.total_weighted_area)
         words = f"t = {scale.instant(scene.times[k])}, $P_{{TO}}$ = {percent}"
         caption(grid[0, column], words, size=TICK_PT + 1)
         started.append(_draw_instant(grid[0, column], plan, telemetry, seen, scene, view, k))

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from swarm_mj.figures.box import box_around, draw_box, keep_inside
-from swarm_mj.figures.cells import draw_cells, flat_offsets
+from swarm_mj.figures.cells import draw_cells, flat_points
 from swarm_mj.figures.numbering import POINTS_PER_INCH
 from swarm_mj.figures.palette import BLACK, ORANGE, VERMILLION
 from swarm_mj.figures.panels import legend_below
@@ -23,10 +23,11 @@ from swarm_mj.figures.style import HALO, INSIDE, SMALL_PT, TICK_PT, annotate, ca
 from swarm_mj.figures.view import draw_body, draw_line, draw_points, face_colours, views_of, visible_share
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.mission.target import angles
-from swarm_mj.scenarios.itinerary import itinerary
+from swarm_mj.scenarios.itinerary import itinerary, target_text
 from swarm_mj.typing import Array, Indices, Mask
 
+#: More visiting points than these would cover the target; those that are visited are shown then.
+MAX_SHOWN = 500
 #: Room that a digit takes [pt].
 NUMBER_PT = 8.0
 
@@ -70,20 +71,15 @@ def visiting_points(plan: Plan, target: int = 0) -> Array:
     return points
 
 
-def geographic(latitude_deg: float, longitude_deg: float) -> str:
-    """A place in words, for instance `12.5° S, 90° E`."""
-    hemisphere = "N" if latitude_deg >= 0 else "S"
-    return f"{abs(latitude_deg):g}\N{DEGREE SIGN} {hemisphere}, {longitude_deg % 360.0:g}\N{DEGREE SIGN} E"
-
-
 def _draw_overview(ax: Axes, plan: Plan) -> None:
     region, targets = plan.region, range(len(plan.region.targets))
     points = np.concatenate([visiting_points(plan, k) for k in targets])
     vertices = np.concatenate([target.visiting_vertex for target in region.targets])
     view = max(views_of(region), key=lambda view: visible_share(view, region))
     chosen = np.flatnonzero(np.concatenate([_visited(plan, k) for k in targets]))
-    shown = np.vstack((region.corners_A.reshape(-1, 3), points))
-    whole = np.vstack((region.mesh.vertices, points))
+    some = points if len(points) <= MAX_SHOWN else points[chosen]
+    shown = np.vstack((region.corners_A.reshape(-1, 3), some))
+    whole = np.vstack((region.mesh.vertices, some))
     near = np.ptp(whole, axis=0).max() > WIDER * np.ptp(shown, axis=0).max()  # on a large body they would be a speck
     box = box_around(shown if near else whole)
     draw_box(ax, view, box)
@@ -91,7 +87,8 @@ def _draw_overview(ax: Axes, plan: Plan) -> None:
     for k in chosen:
         ground = region.vertices[vertices[k]]
         draw_line(ax, view, region.mesh, np.array([ground, points[k]]), color=VERMILLION, linewidth=0.9)
-    draw_points(ax, view, region.mesh, points, marker="o", markersize=2.2, color=BLACK)
+    if len(points) <= MAX_SHOWN:
+        draw_points(ax, view, region.mesh, points, marker="o", markersize=2.2, color=BLACK)
     draw_points(
         ax, view, region.mesh, points[chosen], marker="o", markersize=6, color=VERMILLION, markeredgecolor="white"
     )
@@ -99,8 +96,8 @@ def _draw_overview(ax: Axes, plan: Plan) -> None:
     design, target = plan.scenario.design, plan.scenario.target
     caption(
         ax,
-        f"{plain(shorten(plan.scenario.body.name, 30))}; target at {geographic(target.latitude_deg, target.longitude_deg)}, "
-        f"half-angle {target.half_angle_deg:g}\N{DEGREE SIGN}\n{region.n_faces} faces, "
+        f"{plain(shorten(plan.scenario.body.name, 30))}; target: {plain(shorten(target_text(target), 60))}\n"
+        f"{region.n_faces} faces, "
         f"{region.total_area / 1e6:.4g} km\N{SUPERSCRIPT TWO}; imaging altitude {design.imaging_altitude_m / 1e3:g} km",
     )
 
@@ -115,14 +112,16 @@ def _draw_close_up(ax: Axes, plan: Plan) -> tuple[str, bool]:
     """The target from above; gives words on the numbers of the visited points, and whether there are others."""
     region, targets = plan.region, range(len(plan.region.targets))
     draw_cells(ax, region, np.tile(to_rgb(ORANGE), (region.n_cells, 1)))
-    flat = np.concatenate(
-        [angles(visiting_points(plan, k), region.targets[k].axes_A) + flat_offsets(region)[k] for k in targets]
-    )
+    flat = np.concatenate([flat_points(region, k, visiting_points(plan, k)) for k in targets])
     visited = np.concatenate([_visited(plan, k) for k in targets])
     numbers = np.concatenate([np.arange(region.targets[k].n_visiting) + 1 for k in targets])
+    words = f"the {len(flat)} visiting points, seen from the body's centre"
+    if len(flat) > MAX_SHOWN:
+        words = f"the visited of {len(flat)} visiting points"
+        flat, numbers, visited = flat[visited], numbers[visited], visited[visited]
     ax.plot(*flat[~visited].T, "o", color=BLACK, markersize=2.5)
     ax.plot(*flat[visited].T, "o", color=VERMILLION, markersize=7, markeredgecolor="white")
-    caption(ax, f"the {len(flat)} visiting points, seen from the body's centre")
+    caption(ax, words)
     numbered = _number_points(ax, flat, visited, numbers)
     words = ", with their numbers" if numbered[visited].all() else ", numbered where there is room"
     return words if numbered[visited].any() else "", not visited.all()

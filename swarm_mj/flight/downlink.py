@@ -205,7 +205,7 @@ def tiles_of(plan: Plan, telemetry: xr.Dataset, kept: KeptPictures) -> Tiles:
         pixels = pixels_on(limits, region.area[cells], *sight(region, pose.r_A, cells))
         bits[j, cells] += pixels * (sent_bit(plan.scenario, region, pose, cells, pixels) / pixels.sum())
         ready_s[j, cells] = t
-    return make_tiles(region.area, ready_s, bits, kept.gsd_m)
+    return make_tiles(region.weighted_area, ready_s, bits, kept.gsd_m)
 
 
 def sent_bit(scenario: Scenario, region: TargetRegion, pose: CameraPose, cells: Ints, pixels: Array) -> float:

@@ -86,7 +86,7 @@ def _made(plan: Any) -> Encounter:
         aims_A=aims_A,
         shows=shows[:, :, kept],
         slew=slots_between(angle, table, scenario.observation.interval_s, period).astype(np.int64),
-        area=plan.region.area,
+        area=plan.region.weighted_area,
         interval_s=scenario.observation.interval_s,
     )
 

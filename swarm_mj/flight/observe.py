@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from swarm_mj.dataflow.delivery import Delivery
+from swarm_mj.flight.light import Turning, lit_sometime
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, Motion, motion_blur_px
 from swarm_mj.observation.capture import (
@@ -148,7 +149,7 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
     """
     scenario = plan.scenario
     criterion = scenario.observation
-    passage, arrival = (CoverageMap(plan.region.area, plan.n) for _ in range(2))
+    passage, arrival = (CoverageMap(plan.region.weighted_area, plan.n) for _ in range(2))
     arrivals_s = telemetry["time"].values[arrival_samples(scenario)]
     observer = observer_from(scenario, plan.region)
     limits = limits_of(criterion, observer.camera, plan.region)
@@ -180,6 +181,9 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
             if not arrival_only or picture.t == arrivals_s[picture.spacecraft]:
                 would = observe(observer, picture.r_A, picture.C_CA, criterion, picture.sun_A, picture.motion)
                 why[would & (why != Cause.NONE)] = Cause.CAMERA_OFF
+        if criterion.needs_sun:
+            ticks = schedule_from(scenario, scenario.telemetry.interval_s).ticks(telemetry.sizes["time"] - 1)
+            tell_never_lit(why, observer, criterion, plan.environment, telemetry["time"].values[ticks])
     finally:
         observer.close()
     return ObservationResult(
@@ -193,6 +197,15 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
         motion_blur_px=least_px if scenario.camera.exposure_s else None,
         quality=looks.quality(),
     )
+
+
+def tell_never_lit(
+    why: NDArray[np.int8], observer: Observer, criterion: Observation, around: Turning, times_s: Array
+) -> None:
+    """Change the `Cause` of the cells that do not count, shape (n,), where they are lit at none of some times [s]."""
+    unseen = (why != Cause.NONE) & (why != Cause.CAMERA_OFF)
+    limit, tracer = criterion.max_incidence_deg, observer.tracer
+    why[unseen & ~lit_sometime(observer.region, around, times_s, limit, tracer=tracer, among=unseen)] = Cause.NEVER_LIT
 
 
 class _Light:

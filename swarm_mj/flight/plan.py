@@ -18,7 +18,7 @@ from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.flight.feasibility import EncounterCheck
 from swarm_mj.flight.mothership import check_approach, mothership_state
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
-from swarm_mj.flight.targets import legs, target_from, true_target, visiting_points
+from swarm_mj.flight.targets import legs, pyramid_about, target_from, true_target, visiting_points, with_aims
 from swarm_mj.mission.behaviors import AimedBehavior, Behavior, SelectiveBehavior
 from swarm_mj.mission.deployer import check_deployer
 from swarm_mj.mission.deployment import deploy, planned_paths
@@ -133,6 +133,7 @@ def make_plan(
     environment = environment_from(scenario, shape, properties.mass)
     stops, region = itinerary(scenario), target_from(scenario, shape)
     points_A = visiting_points(scenario, shape, region)
+    behavior = with_aims(scenario, behavior, region)
     region = true_target(scenario, shape, region)
     mothership = mothership_state(scenario, environment)
     check_approach(scenario, shape, environment, mothership)
@@ -152,7 +153,7 @@ def make_plan(
             environment,
             mothership_N=mothership.r_N,
             mothership_velocity=mothership.velocity,
-            **legs(scenario, stops, points_A, behavior),
+            **legs(scenario, stops, points_A, behavior, region),
             progress=progress,
             foresee=foresee if push is None or most_m_s is None else None,  # insertion burns lead elsewhere
         )
@@ -266,7 +267,7 @@ def unchecked_behavior(scenario: Scenario) -> Behavior:
             len(scenario.design.visiting_points),
             scenario.behavior.imaging_radius_m,
         )
-    aimed = behavior.aimed_at(scenario.target) if isinstance(behavior, AimedBehavior) else behavior
+    aimed = behavior.aimed_at(pyramid_about(scenario.target)) if isinstance(behavior, AimedBehavior) else behavior
     return coordinated(aimed, scenario)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from swarm_mj.compilation import jittable, kernel
 from swarm_mj.errors import MissionError
+from swarm_mj.mission.target import Pyramid
 from swarm_mj.scenarios.schema import Target
 from swarm_mj.typing import Array, Ints, Mask
 
@@ -122,8 +123,8 @@ class MissionBehavior(Protocol):
 class AimedBehavior(Protocol):
     """A behaviour that looks at the scenario's target, where its own parameters name no other."""
 
-    def aimed_at(self, target: Target) -> Behavior:
-        """The same behaviour, for the target of a scenario."""
+    def aimed_at(self, target: Target | Pyramid) -> Behavior:
+        """The same behaviour, for the target of a scenario, or the pyramid about it."""
         ...
 
 
@@ -198,6 +199,36 @@ class AdaptableRoles:
     def steady_for(self, view: SwarmView, memory: int | None) -> float:
         """See `SteadyBehavior`."""
         return _time_to_sphere(view.r_BN_N, view.v_BN_N, self.imaging_radius_m)
+
+
+@dataclass(frozen=True)
+class PointAims:
+    """A behaviour whose observers look at points on the ground where it has them look at the body's centre.
+
+    Attributes:
+        inner: The behaviour.
+        points_A: Of each observer, NaN: it looks at the centre, shape (n_obs, 3) [m].
+    """
+
+    inner: Behavior
+    points_A: Array
+
+    @property
+    def dedicated_communications(self) -> bool:
+        """See `Behavior`."""
+        return self.inner.dedicated_communications
+
+    def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
+        """See `Behavior`."""
+        targets, memory = self.inner.targets(view, memory)
+        kind, vector = targets.kind.copy(), targets.vector.copy()
+        own = np.flatnonzero((kind[: len(self.points_A)] == _ASTEROID) & ~np.isnan(self.points_A[:, 0]))
+        kind[own], vector[own] = _SURFACE, self.points_A[own]
+        return Targets(kind, targets.spacecraft, vector), memory
+
+    def steady_for(self, view: SwarmView, memory: Any) -> float:
+        """See `SteadyBehavior`."""
+        return self.inner.steady_for(view, memory) if isinstance(self.inner, SteadyBehavior) else 0.0
 
 
 def _empty(n: int) -> Targets:

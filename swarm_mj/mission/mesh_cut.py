@@ -4,7 +4,10 @@ Every operation here splits edges, never single faces: both faces of an edge get
 mesh stays closed and no pixel or ray can slip through a T-junction. Lengths are in metres; the frame is the mesh's own.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from scipy.spatial import KDTree
 
 from swarm_mj.errors import MissionError
 from swarm_mj.smallbody.shape import directed_edges
@@ -19,28 +22,82 @@ MAX_FACES = 400_000
 ON_PLANE = 1e-12
 
 
-def cut_mesh(vertices: Vertices, faces: Faces, normals: Array) -> tuple[Vertices, Faces, Indices]:
+class Cuts(NamedTuple):
+    """Planes through the origin along which a mesh is cut, all around or along arcs."""
+
+    normal: Array  #: of each plane, of unit length, shape (P, 3)
+    middle: Array | None = None  #: unit vector to the middle of the arc in each plane, shape (P, 3); None: all around
+    reach: Array | None = None  #: half of the arc's angle, below a right angle, shape (P,) [rad]
+
+
+def cut_mesh(vertices: Vertices, faces: Faces, cuts: Cuts) -> tuple[Vertices, Faces, Indices]:
     """Cut a mesh along planes through the origin, keeping all of it.
+
+    A plane that is meant along an arc cuts every face that the arc meets, all across; then no face crosses the arc.
 
     Args:
         vertices: Mesh vertices [m], shape (V, 3).
         faces: Vertex indices, shape (F, 3).
-        normals: Unit normals of the planes, shape (P, 3).
+        cuts: The planes.
 
     Returns:
         Vertices (the given ones first), faces, none of which crosses a plane, and the given face that each came from.
     """
     parent = np.arange(len(faces))
-    for normal in normals:
+    far = _far_from_arcs(vertices, faces, cuts)
+    apart, faces, parent = (faces[far], parent[far]), faces[~far], parent[~far]
+    for k, normal in enumerate(cuts.normal):
         distance, edges = plane_distance(vertices, normal), _edges(faces)
         sign = np.sign(distance)
         crossing = sign[edges[:, 0]] * sign[edges[:, 1]] < 0
+        if cuts.middle is not None and cuts.reach is not None:
+            meets = np.zeros(len(faces), np.bool_)
+            some = np.flatnonzero(crossing.reshape(-1, 3).any(axis=1))
+            axes = np.array([cuts.middle[k], np.cross(normal, cuts.middle[k])])
+            meets[some] = _meets_arc(vertices, faces[some], distance, axes, float(cuts.reach[k]))
+            keys = _edge_keys(edges, len(vertices))
+            crossing &= np.isin(keys, keys[crossing & np.repeat(meets, 3)])
         start, end = edges[crossing].T
         share = (distance[start] / (distance[start] - distance[end]))[:, None]
         points = vertices[start] + share * (vertices[end] - vertices[start])
         vertices, faces, origin = _split_edges(vertices, faces, edges, crossing, points)
         parent = parent[origin]
-    return vertices, faces, parent
+    return vertices, np.vstack((faces, apart[0])), np.append(parent, apart[1])
+
+
+def _far_from_arcs(vertices: Vertices, faces: Faces, cuts: Cuts) -> Mask:
+    """Faces that no arc comes near, nor an edge that an arc's plane may split, shape (F,); none where planes go all around."""
+    far = np.zeros(len(faces), np.bool_)
+    if cuts.middle is None or cuts.reach is None or not len(cuts.reach):
+        return far
+    corners = vertices[faces] / np.linalg.norm(vertices[faces], axis=2, keepdims=True)
+    middle = corners.mean(axis=1)
+    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+    wide = np.linalg.norm(corners - middle[:, None], axis=2).max()
+    reached = KDTree(middle).query_ball_point(cuts.middle, np.minimum(2.0, cuts.reach + 4.0 * wide))
+    far[:] = True
+    far[np.unique(np.concatenate(reached).astype(np.int64))] = False
+    return far
+
+
+def _meets_arc(vertices: Vertices, faces: Faces, distance: Array, axes: Array, reach: float) -> Mask:
+    """Which of faces that cross a plane meet an arc in it, shape (F,).
+
+    Args:
+        vertices: Mesh vertices [m], shape (V, 3).
+        faces: Vertex indices, shape (F, 3).
+        distance: Of the vertices from the plane [m], shape (V,).
+        axes: Unit vectors in the plane to the arc's middle and along it, as rows, shape (2, 3).
+        reach: Half of the arc's angle [rad].
+    """
+    away, other = distance[faces], distance[np.roll(faces, -1, axis=1)]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(away * other < 0.0, away / (away - other), 0.0)[..., None]
+    a, b = vertices[faces], vertices[np.roll(faces, -1, axis=1)]
+    ahead, along = np.moveaxis((a + share * (b - a)) @ axes.T, -1, 0)
+    angle = np.where((away == 0.0) | (away * other < 0.0), np.arctan2(along, ahead), np.nan)
+    low, high = np.nanmin(angle, axis=1), np.nanmax(angle, axis=1)
+    return np.asarray((high - low < np.pi) & (low <= reach + ON_PLANE) & (high >= -reach - ON_PLANE))
 
 
 def refine_mesh(vertices: Vertices, faces: Faces, chosen: Mask, longest_edge: float) -> tuple[Vertices, Faces, Indices]:

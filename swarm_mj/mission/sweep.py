@@ -16,6 +16,7 @@ import numpy as np
 
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.behaviors import AdaptableRoles, SwarmView, TargetKind, Targets
+from swarm_mj.mission.target import Pyramid
 from swarm_mj.scenarios.schema import Target
 from swarm_mj.typing import Array
 
@@ -64,7 +65,7 @@ class TargetSweep:
         if isinstance(self.rows, bool) or not isinstance(self.rows, int) or self.rows < 1:
             raise MissionError(f"behavior.parameters.rows = {self.rows!r}: must be a whole number of at least 1")
 
-    def aimed_at(self, target: Target) -> TargetSweep:
+    def aimed_at(self, target: Target | Pyramid) -> TargetSweep:
         """See `AimedBehavior`: what the parameters do not give is taken from the target."""
         corner_deg = target.half_angle_deg
         if target.edges == "side":

@@ -1,6 +1,6 @@
-"""The target region: the part of a body's surface inside a virtual pyramid with its apex at the body's centre.
+"""The target region: the part of a body's surface inside a pyramid from its centre or inside a polygon, or all of it.
 
-After AAS 19-144, 'Target region generation': the faces inside the pyramid, clipped at its sides, are the set F_T, and
+After AAS 19-144, 'Target region generation': the faces inside the virtual pyramid, clipped at its sides, are the set F_T, and
 the mesh vertices inside, lifted to the imaging altitude, are the n_T visiting points. Everything is in the body-fixed
 frame A, in metres. The pyramid's axis points at the given latitude and longitude; its four sides are parallel to the
 local east and north there (at a pole, east is the limit along the given longitude).
@@ -12,15 +12,15 @@ every crossing belongs to the target, as in the paper.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import sqrt
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from swarm_mj.errors import MissionError, PathError
-from swarm_mj.mission.mesh_cut import cut_mesh, plane_distance, refine_mesh
+from swarm_mj.mission.mesh_cut import Cuts, cut_mesh, plane_distance, refine_mesh
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
 from swarm_mj.typing import Array, Indices, Ints32, Mask
@@ -33,6 +33,10 @@ CELLS_ACROSS_FOOTPRINT = 6.0
 #: Least share of its face that a piece cut off by a side of the target must have to belong to it. Smaller ones are a matter of
 #: rounding; for one of them 0.003 % of the paper's target stayed unseen though all other faces were seen.
 LEAST_PART = 0.01
+#: Of a wider target east and north angles about its axis say nothing [rad].
+WIDE = np.radians(75.0)
+#: Points along one side of a pyramid's border.
+BORDER_POINTS = 60
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,8 +54,13 @@ class TargetRegion:
         visiting_vertex: Original mesh vertices inside the pyramid, in mesh order, shape (n_T,). Visiting point k of the
             paper, counted from 1, is entry k - 1.
         visiting_normal_A: Outward unit normals of the original mesh at those vertices, shape (n_T, 3).
-        axes_A: Unit vectors east, north and outward along the pyramid's axis, as rows, shape (3, 3).
-        side_half_angle: Angle between the axis and the pyramid's sides [rad].
+        axes_A: Unit vectors east, north and outward along the pyramid's axis, or at the middle of another target, as rows,
+            shape (3, 3).
+        side_half_angle: Angle between the axis and the sides of the pyramid, or of one about the target [rad]; pi where none
+            holds it.
+        weight: Of the area of each cell, the largest of the targets that it belongs to, shape (n,).
+        kind: `target.region` of the scenario.
+        border: Directions along the target's border, closed lines of shape (k, 3); none of the lit part and of the whole body.
         parts: Where several targets make up this one, each of them on the same mesh, in order; their cells may overlap, and
             what is said above of a pyramid and its vertices is said of the first. Empty: there is one target.
     """
@@ -64,6 +73,9 @@ class TargetRegion:
     visiting_normal_A: Array
     axes_A: Array
     side_half_angle: float
+    weight: Array
+    kind: str = "pyramid"
+    border: tuple[Array, ...] = ()
     parts: tuple[TargetRegion, ...] = ()
 
     @property
@@ -106,6 +118,63 @@ class TargetRegion:
         return self.mesh.face_areas[self.target]
 
     @cached_property
+    def weighted_area(self) -> Array:
+        """Area of each cell times its weight, of which P_TO is made [m^2], shape (n,)."""
+        return self.area * self.weight
+
+    @cached_property
+    def total_weighted_area(self) -> float:
+        """Of the target [m^2]."""
+        return float(self.weighted_area.sum())
+
+    @property
+    def is_weighted(self) -> bool:
+        """Whether parts count more than others."""
+        return bool(np.ptp(self.weight) > 0.0)
+
+    @property
+    def facing_A(self) -> Array:
+        """Mean direction of its outward normals, or its axis where they point everywhere; unit vector, shape (3,)."""
+        mean = self.area @ self.normal_A
+        length = float(np.linalg.norm(mean))
+        return np.asarray(mean / length if length > 1e-3 * self.total_area else self.axes_A[2])
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether it reaches too far around the body to be drawn about its axis."""
+        return any(target.side_half_angle > WIDE for target in self.targets)
+
+    @property
+    def centre_longitude_deg(self) -> float:
+        """East longitude of its axis, for maps [deg]."""
+        return float(np.degrees(np.arctan2(self.axes_A[2, 1], self.axes_A[2, 0])))
+
+    def restricted(self, chosen: Mask) -> TargetRegion:
+        """The target of some of its cells alone, shape (n,), with those of its visiting vertices that are their corners.
+
+        Raises:
+            MissionError: No cell is left of one of its targets, or no vertex.
+        """
+        kept = np.isin(self.target, self.target[chosen])
+        vertices = np.isin(self.visiting_vertex, self.mesh.faces[self.target[kept]])
+        if not kept.any() or not vertices.any():
+            raise MissionError(f"target.region = {self.kind}: no cell or no vertex of {self.mesh.name} is left to see")
+        everything = np.zeros(len(self.mesh.faces), np.bool_)
+        everything[self.target[kept]] = True
+        middle = self.area[kept] @ self.centroid_A[kept]
+        longitude = np.degrees(np.arctan2(middle[1], middle[0]))
+        return replace(
+            self,
+            axes_A=local_axes(0.0, longitude) if self.kind == "lit" else self.axes_A,
+            target=self.target[kept],
+            group=np.unique(self.group[kept], return_inverse=True)[1],
+            weight=self.weight[kept],
+            visiting_vertex=self.visiting_vertex[vertices],
+            visiting_normal_A=self.visiting_normal_A[vertices],
+            parts=tuple(part.restricted(everything[part.target]) for part in self.parts),
+        )
+
+    @cached_property
     def total_area(self) -> float:
         """Area of the target, A(F_T) [m^2]."""
         return float(self.area.sum())
@@ -141,6 +210,44 @@ class TargetRegion:
         return points * (1.0 + altitude / np.linalg.norm(points, axis=1, keepdims=True))
 
 
+class Feature(Protocol):
+    """What of a body's surface is a target."""
+
+    @property
+    def cuts(self) -> Cuts:
+        """Planes along which a mesh is cut, so that each face lies inside or outside."""
+
+    @property
+    def axes(self) -> Array:
+        """East, north and outward at its middle, as rows, shape (3, 3)."""
+
+    @property
+    def half_angle(self) -> float:
+        """Between its middle and the sides of the pyramid about it [rad]; pi: none holds it."""
+
+    @property
+    def border(self) -> tuple[Array, ...]:
+        """Directions along its border, closed lines of shape (k, 3)."""
+
+    @property
+    def weight(self) -> float:
+        """Of its area."""
+
+    @property
+    def least_part(self) -> float:
+        """Of a face that is cut, pieces of a smaller share of it are left out."""
+
+    @property
+    def words(self) -> str:
+        """Where it is, in words before the body's name."""
+
+    def faces_inside(self, vertices: Array, faces: Ints32) -> Mask:
+        """Which faces of the cut mesh lie inside, shape (F,)."""
+
+    def holds(self, points_A: Array) -> Mask:
+        """Which vertices lie inside or on its border, shape (n,)."""
+
+
 class Pyramid(NamedTuple):
     """Where a target is.
 
@@ -149,12 +256,16 @@ class Pyramid(NamedTuple):
         longitude_deg: East longitude of the axis [deg].
         half_angle_deg: Half-angle of the pyramid [deg], between 0 and 90.
         edges: What lies at the half-angle: the pyramid's four `corner` edges, or the middles of its `side` planes.
+        weight: Of its area.
+        least_part: Of a face that a side cuts, pieces of a smaller share of it are left out.
     """
 
     latitude_deg: float
     longitude_deg: float
     half_angle_deg: float
     edges: Edges = "corner"
+    weight: float = 1.0
+    least_part: float = LEAST_PART
 
     @property
     def axes(self) -> Array:
@@ -168,11 +279,68 @@ class Pyramid(NamedTuple):
         return tangent / sqrt(2.0) if self.edges == "corner" else tangent
 
     @property
+    def half_angle(self) -> float:
+        """Between the axis and the sides [rad]."""
+        return float(np.arctan(self.slope))
+
+    @property
+    def cuts(self) -> Cuts:
+        """Along its four sides; the normals point inwards."""
+        east, north, up = self.axes
+        normals = self.slope * up + np.array([east, -east, north, -north])
+        return Cuts(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+    @property
+    def border(self) -> tuple[Array, ...]:
+        """Directions along its sides."""
+        corners = self.slope * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+        share = np.linspace(0.0, 4.0, 4 * BORDER_POINTS + 1)
+        east, north = (np.interp(share, np.arange(5), corners[:, k]) for k in range(2))
+        return (np.column_stack((east, north, np.ones(len(share)))) @ self.axes,)
+
+    def faces_inside(self, vertices: Array, faces: Ints32) -> Mask:
+        """No face crosses a side any more."""
+        return np.all(self._sides(vertices)[:, faces].sum(axis=2) > 0, axis=0)
+
+    def holds(self, points_A: Array) -> Mask:
+        """Inside or on its sides, but for the centre."""
+        side = self._sides(points_A)
+        return np.all(side >= 0, axis=0) & np.any(side, axis=0)
+
+    def _sides(self, points_A: Array) -> Array:
+        """On which side of each plane points lie: 1 inside, 0 on the plane, -1 outside, shape (4, n)."""
+        return np.array([np.sign(plane_distance(points_A, normal)) for normal in self.cuts.normal])
+
+    @property
     def words(self) -> str:
         """Where, in words."""
         return (
             f"within {self.half_angle_deg} deg of latitude {self.latitude_deg}, longitude {self.longitude_deg} deg on"
         )
+
+
+class WholeBody(NamedTuple):
+    """All of the surface; no pyramid bounds it, and its axes are those of A from the x axis."""
+
+    weight: float = 1.0
+    least_part: float = 0.0
+    half_angle: float = np.pi
+    words: str = "on all of"
+    cuts: Cuts = Cuts(np.empty((0, 3)))
+    border: tuple[Array, ...] = ()
+
+    @property
+    def axes(self) -> Array:
+        """East, north and outward along the x axis."""
+        return local_axes(0.0, 0.0)
+
+    def faces_inside(self, vertices: Array, faces: Ints32) -> Mask:
+        """All of them."""
+        return np.ones(len(faces), np.bool_)
+
+    def holds(self, points_A: Array) -> Mask:
+        """All of them."""
+        return np.ones(len(points_A), np.bool_)
 
 
 def build_target(
@@ -186,49 +354,41 @@ def build_target(
     least_part: float = LEAST_PART,
 ) -> TargetRegion:
     """Cut the mesh at the sides of the virtual pyramid and collect what lies inside; see `Pyramid` and `build_targets`."""
-    pyramid = Pyramid(latitude_deg, longitude_deg, half_angle_deg, edges)
-    return build_targets(shape, [pyramid], cell_size_m=cell_size_m, least_part=least_part)
+    pyramid = Pyramid(latitude_deg, longitude_deg, half_angle_deg, edges, least_part=least_part)
+    return build_targets(shape, [pyramid], cell_size_m=cell_size_m)
 
 
 def build_targets(
-    shape: ShapeModel,
-    pyramids: Sequence[Pyramid],
-    *,
-    cell_size_m: float | None = None,
-    least_part: float = LEAST_PART,
+    shape: ShapeModel, features: Sequence[Feature], *, cell_size_m: float | None = None, kind: str = "pyramid"
 ) -> TargetRegion:
-    """Cut the mesh at the sides of virtual pyramids and collect what lies inside any of them.
+    """Cut the mesh at the borders of features and collect what lies inside any of them.
 
     Args:
         shape: The body in A [m].
-        pyramids: One for each target; where they overlap, a cell belongs to several and counts once in the whole.
+        features: One for each target; where they overlap, a cell belongs to several and counts once in the whole.
         cell_size_m: Subdivide the targets until no cell has a longer edge [m]; None keeps the faces of F_T as cells.
-        least_part: Of a face that a side cuts, pieces of a smaller share of it are left out.
+        kind: Of the first one, see `TargetRegion`.
 
     Raises:
-        MissionError: A pyramid holds no face or no vertex.
+        MissionError: One holds no face or no vertex.
     """
-    sides = [_side_normals(pyramid.axes, pyramid.slope) for pyramid in pyramids]
-    vertices, faces, parent = cut_mesh(shape.vertices, shape.faces, np.vstack(sides))
-    # On which side of each plane of each pyramid the vertices lie: 1 inside, 0 on the plane, -1 outside.
-    side = np.array([[np.sign(plane_distance(vertices, normal)) for normal in normals] for normals in sides])
-    # No face crosses a plane any more.
-    held = np.all(side[:, :, faces].sum(axis=3) > 0, axis=1) & (
-        _part_of_face(shape, vertices, faces, parent) >= least_part
-    )
-    for pyramid, faces_held in zip(pyramids, held, strict=True):
+    vertices, faces, parent = shape.vertices, shape.faces, np.arange(len(shape.faces))
+    for feature in features:
+        vertices, faces, origin = cut_mesh(vertices, faces, feature.cuts)
+        parent = parent[origin]
+    part = _part_of_face(shape, vertices, faces, parent)
+    held = [feature.faces_inside(vertices, faces) & (part >= feature.least_part) for feature in features]
+    for feature, faces_held in zip(features, held, strict=True):
         if not faces_held.any():
-            where = f"{pyramid.words} {shape.name}"
+            where = f"{feature.words} {shape.name}"
             raise MissionError(f"target off the body: no face {where}; check the target or the shape's origin")
-    points_inside_or_on = np.all(side >= 0, axis=1) & np.any(side, axis=1)
-    visiting = [np.flatnonzero(each[: len(shape.vertices)]) for each in points_inside_or_on]
-    for pyramid, points in zip(pyramids, visiting, strict=True):
+    visiting = [np.flatnonzero(feature.holds(shape.vertices)) for feature in features]
+    for feature, points in zip(features, visiting, strict=True):
         if not len(points):
-            where = f"{pyramid.words} {shape.name}"
-            raise MissionError(
-                f"no mesh vertex {where}, so nothing to visit: enlarge the half-angle or refine the mesh"
-            )
-    chosen: Mask = np.asarray(held.any(axis=0))
+            where = f"{feature.words} {shape.name}"
+            raise MissionError(f"no mesh vertex {where}, so nothing to visit: enlarge the target or refine the mesh")
+    chosen: Mask = np.any(held, axis=0)
+    weights = np.max([np.where(inside, f.weight, 0.0) for inside, f in zip(held, features, strict=True)], axis=0)
     origin = np.arange(len(faces))
     if cell_size_m is not None:
         vertices, faces, origin = refine_mesh(vertices, faces, chosen, cell_size_m)
@@ -242,12 +402,15 @@ def build_targets(
             group=(np.cumsum(cells) - 1)[origin][cells[origin]],
             visiting_vertex=visiting[k],
             visiting_normal_A=shape.vertex_normals[visiting[k]],
-            axes_A=pyramids[k].axes,
-            side_half_angle=float(np.arctan(pyramids[k].slope)),
+            axes_A=features[k].axes,
+            side_half_angle=features[k].half_angle,
+            weight=weights[origin][cells[origin]],
+            kind="pyramid" if k else kind,
+            border=features[k].border,
             parts=parts,
         )
 
-    several = tuple(region(held[k], k) for k in range(len(pyramids))) if len(pyramids) > 1 else ()
+    several = tuple(region(held[k], k) for k in range(len(features))) if len(features) > 1 else ()
     return region(chosen, 0, several)
 
 
@@ -261,26 +424,8 @@ def _part_of_face(shape: ShapeModel, vertices: Array, faces: Ints32, parent: Ind
 
 
 def whole_body(shape: ShapeModel, *, cell_size_m: float | None = None) -> TargetRegion:
-    """The whole surface as the target, for maps; no pyramid bounds it, and its axes are those of A from the x axis.
-
-    Args:
-        shape: The body in A [m].
-        cell_size_m: Subdivide the faces until no cell has a longer edge [m]; None keeps them as cells.
-    """
-    vertices, faces, parent = shape.vertices, shape.faces, np.arange(len(shape.faces))
-    if cell_size_m is not None:
-        every = np.ones(len(faces), np.bool_)
-        vertices, faces, parent = refine_mesh(vertices, faces, every, cell_size_m)
-    return TargetRegion(
-        mesh=ShapeModel(vertices, faces, shape.name),
-        parent=parent,
-        target=np.arange(len(faces)),
-        group=parent,
-        visiting_vertex=np.arange(len(shape.vertices)),
-        visiting_normal_A=shape.vertex_normals,
-        axes_A=local_axes(0.0, 0.0),
-        side_half_angle=np.pi,
-    )
+    """The whole surface as the target, for maps; arguments as of `build_targets`."""
+    return build_targets(shape, [WholeBody()], cell_size_m=cell_size_m, kind="body")
 
 
 def automatic_cell_size(altitude_m: float, half_angle_deg: float) -> float:
@@ -326,10 +471,3 @@ def angles(points_A: Array, axes_A: Array) -> Array:
     """
     east, north, up = np.moveaxis(points_A @ axes_A.T, -1, 0)
     return np.degrees(np.stack((np.arctan2(east, up), np.arctan2(north, up)), axis=-1))
-
-
-def _side_normals(axes_A: Array, slope: float) -> Array:
-    """Inward unit normals of the pyramid's four sides, shape (4, 3)."""
-    east, north, up = axes_A
-    normals = slope * up + np.array([east, -east, north, -north])
-    return normals / np.linalg.norm(normals, axis=1, keepdims=True)

@@ -246,6 +246,7 @@ def lit(
     max_incidence_deg: float = 90.0,
     tracer: RayTracer | None = None,
     samples: int = 16,
+    among: Mask | None = None,
 ) -> Mask:
     """Tell which cells the Sun lights, a point at infinity; only the body itself casts shadows. Shape (n,).
 
@@ -256,13 +257,14 @@ def lit(
         tracer: Ray tracer over the region's mesh, to have shadows: a cell is lit when at least half of its sample
             points see the Sun. None ignores shadows.
         samples: Sample points per cell, a square number.
+        among: Cells that are asked about, shape (n,); the others count as dark. None: all.
 
     Raises:
         MissionError: The direction is not three finite numbers, or zero; or `samples` is not a square number.
     """
     sun = _unit(sun_A)
     angle = incidence(region, sun)
-    result = (angle < np.pi / 2.0) & (angle <= np.radians(max_incidence_deg))
+    result = (angle < np.pi / 2.0) & (angle <= np.radians(max_incidence_deg)) & (True if among is None else among)
     if tracer is None or not result.any():
         return result
     chosen = np.flatnonzero(result)

@@ -22,7 +22,11 @@ from swarm_mj.typing import Array, Indices, Ints, Mask
 
 
 class Cause(IntEnum):
-    """Why a cell does not count in a picture: the first condition that it does not fulfil, in this order, or none."""
+    """Why a cell does not count in a picture: the first condition that it does not fulfil, in this order, or none.
+
+    Two are told of a whole flight alone: that a camera was off, and that a cell was lit at no picture time that counts, so that
+    no picture could show it.
+    """
 
     NO_PICTURE = 0
     OUT_OF_VIEW = 1
@@ -33,7 +37,8 @@ class Cause(IntEnum):
     HIDDEN = 6
     DARK = 7
     CAMERA_OFF = 8
-    NONE = 9
+    NEVER_LIT = 9
+    NONE = 10
 
 
 #: In words of a table.
@@ -47,6 +52,7 @@ WORDS = {
     Cause.HIDDEN: "hidden",
     Cause.DARK: "dark",
     Cause.CAMERA_OFF: "camera off",
+    Cause.NEVER_LIT: "never lit",
 }
 
 

@@ -43,7 +43,7 @@ def delivered_summary(plan: Plan, result: ObservationResult) -> dict[str, Any]:
     if delivery is None:
         return {}
     names, link = plan.names, plan.scenario.link
-    percent = 100.0 / plan.region.total_area
+    percent = 100.0 / plan.region.total_weighted_area
     return {
         "delivered_percent": rounded(percent * delivery.delivered_area, 6),
         "delivered_percent_bound": _known(percent * float(delivery.best_bound_area), 6),

@@ -32,8 +32,17 @@ if TYPE_CHECKING:
 #: finely the target's area is measured is left out, and so is what moves a flight by less than a metre.
 DECIDING = {
     "body": ("gravity", "rotation", "orbit"),
-    "target": ("latitude_deg", "longitude_deg", "half_angle_deg", "edges"),
-    "design": ("imaging_altitude_m", "projection", "time_of_flight_s", "release_s"),
+    "target": (
+        "region",
+        "polygon",
+        "polygon_file",
+        "lit_at",
+        "latitude_deg",
+        "longitude_deg",
+        "half_angle_deg",
+        "edges",
+    ),
+    "design": ("imaging_altitude_m", "projection", "time_of_flight_s", "release_s", "aim"),
     "mothership": ("position_A_m", "velocity", "approach", "elements", "ephemeris"),
     "behavior": ("name", "parameters", "imaging_radius_m"),
 }
@@ -64,6 +73,7 @@ def design_record(study: Study) -> dict[str, Any]:
         "candidates": [describe(candidate, seen) for candidate in chosen],
         "visiting_points_A_m": [[round(float(x), 3) for x in seen.point_A[p - 1]] for p in study.selected],
         "delta_v_m_s": [round(float(seen.delta_v[p - 1]), 6) for p in study.selected],
+        "b_plane": [_b_plane_record(seen.b_plane[p - 1]) for p in study.selected],
         "deployer_max_speed_m_s": scenario.mothership.deployer.max_speed_m_s,
         "beyond_deployer": int(study.problem.avoided[study.selected - 1].sum()),
         "covered_percent": round(study.problem.covered_percent(study.selected), 6),
@@ -98,6 +108,12 @@ def design_record(study: Study) -> dict[str, Any]:
         "wall_s": {name: round(seconds, 3) for name, seconds in study.wall_s.items()},
         "versions": library_versions(),
     }
+
+
+def _b_plane_record(of: Array) -> dict[str, float | None]:
+    """B.T and B.R [m] and the speed on the asymptote [m/s] of a path; None where it has none."""
+    names = ("b_t_m", "b_r_m", "v_infinity_m_s")
+    return {name: round(float(x), 6) if np.isfinite(x) else None for name, x in zip(names, of, strict=True)}
 
 
 def _delivery_record(study: Study) -> dict[str, Any]:
@@ -228,7 +244,13 @@ def _genetic_record(result: GeneticResult) -> dict[str, Any]:
 def write_design(folder: Path, study: Study) -> dict[str, Any]:
     """Write everything but the pictures; returns the record in design.json."""
     seen = study.visibility
-    arrays = {"sees": seen.sees, "area": seen.area, "delta_v": seen.delta_v, "candidates": np.array(seen.candidates)}
+    arrays = {
+        "sees": seen.sees,
+        "area": seen.area,
+        "delta_v": seen.delta_v,
+        "candidates": np.array([c[:5] for c in seen.candidates]),
+        "b_plane": seen.b_plane,
+    }
     arrays |= {f"history_{name}": np.column_stack(result.history) for name, result in study.genetic.items()}
     np.savez_compressed(folder / "sightings.npz", **arrays)  # type: ignore[arg-type]
     write_text(folder / "scenario.yaml", yaml.safe_dump(study.scenario.model_dump(mode="json"), sort_keys=False))

@@ -23,6 +23,8 @@ REMEDIES = {
     Cause.BLURRED: "shorten camera.exposure_s; observation.max_motion_blur_px is the limit",
     Cause.HIDDEN: "add visiting points from other sides",
     Cause.DARK: "arrival when the Sun shines there (epoch), or count dark ground too (observation.light: ignored)",
+    Cause.NEVER_LIT: "no path sees it: fly when the Sun shines there (epoch, duration_s), leave it out "
+    "(target.region: lit), or count dark ground too (observation.light: ignored)",
     Cause.CAMERA_OFF: "let others see the same area too (designer.fold: 2)",
 }
 
@@ -78,6 +80,11 @@ def observed_findings(summary: dict[str, Any]) -> list[str]:
         f"{rounded_up_digits(part['percent'])} % of the target is not observed: {part['cause']}; {part['remedy']}"
         for part in summary.get("not_observed", ())
     ]
+    if summary.get("target", "").startswith("lit part"):
+        share = 100.0 - summary["target_percent_of_body"]
+        found.append(
+            f"the target is the {summary['target']}: {share:.3g} % of the body is never lit then and no part of it"
+        )
     if summary.get("light") == "ignored":
         found.append(
             "light is ignored: ground that is dark or in shadow counts as observed (observation.light: sunlit asks)"
@@ -89,9 +96,15 @@ def observed_findings(summary: dict[str, Any]) -> list[str]:
 def when_text(summary: dict[str, Any]) -> str:
     """When pictures counted, for sentences on what was observed."""
     when = "at the arrival" if summary["criterion"] == "arrival" else "in the passage"
-    return when + (", light ignored" if summary.get("light") == "ignored" else "")
+    return when + _by_what(summary)
 
 
 def criterion_text(summary: dict[str, Any]) -> str:
     """The criterion in a few words, for headings."""
-    return summary["criterion"] + (", light ignored" if summary.get("light") == "ignored" else "")
+    return summary["criterion"] + _by_what(summary)
+
+
+def _by_what(summary: dict[str, Any]) -> str:
+    """What of an observation's headline must be known: light that is ignored, area that is weighted."""
+    light = ", light ignored" if summary.get("light") == "ignored" else ""
+    return light + (", by weighted area" if summary.get("weighted") else "")

@@ -28,7 +28,8 @@ from swarm_mj.simulator.telemetry import FARTHEST, REMEDY
 
 _CELLS, _BY = ("cells",), ("spacecraft", "cells")
 #: Arrays of coverage.npz, as they are written and as they must be to be read: the clipped target mesh in A [m], its cells,
-#: area [m^2], the face of F_T that each lies in; whether and when [s] each was seen, by the swarm and by each spacecraft,
+#: area [m^2] and its weight in P_TO, the face of F_T that each lies in; whether and when [s] each was seen, by the swarm and by
+#: each spacecraft,
 #: NaN for never, by the scenario's criterion and with suffix `_passage` in the whole passage; of the picture by which each
 #: spacecraft keeps each cell the time [s], the ground sampling distance [m] and the incidence of the Sun [deg]; the `Cause`
 #: why a cell was not seen; the rest of the body.
@@ -36,6 +37,7 @@ COVERAGE = {
     "vertices": Declared("f8", ("vertices", 3), -FARTHEST, FARTHEST),
     "faces": Declared("i8", ("cells", 3), 0, "vertices"),
     "area": Declared("f8", _CELLS, 1e-12, FARTHEST**2),
+    "weight": Declared("f8", _CELLS, 1e-6, 1e6),
     "face_of_cell": Declared("i8", _CELLS, 0),
     "seen": Declared("?", _CELLS),
     "first_seen_s": Declared("f8", _CELLS, 0.0, FARTHEST, gaps="nan"),
@@ -178,6 +180,7 @@ def coverage_arrays(plan: Observed, result: ObservationResult) -> dict[str, NDAr
         "vertices": region.mesh.vertices[used],
         "faces": faces.reshape(corners.shape),
         "area": region.area,
+        "weight": region.weight,
         "face_of_cell": region.group,
         "kept_s": result.kept.taken_s,
         "gsd_m": result.kept.gsd_m,

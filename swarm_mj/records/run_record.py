@@ -34,7 +34,8 @@ from swarm_mj.typing import Array
 #: Arrays of coverage.npz that a report shows.
 SHOWN = (
     "vertices", "faces", "area", "face_of_cell", "first_seen_s", "first_seen_by_s", "first_seen_s_passage",
-    "first_seen_by_s_passage", "kept_s", "gsd_m", "incidence_deg", "why", "body_vertices", "body_faces",
+    "first_seen_by_s_passage", "kept_s", "gsd_m", "incidence_deg", "why",
+    "weight", "body_vertices", "body_faces",
 )  # fmt: skip
 
 
@@ -79,6 +80,11 @@ class RunRecord:
     def times(self) -> Array:
         """Times of the samples [s]."""
         return np.asarray(self.telemetry["time"].values, dtype=np.float64)
+
+    @cached_property
+    def weighted_area(self) -> Array:
+        """Area of each cell times its weight, of which P_TO is made [m^2]."""
+        return np.asarray(self.coverage["area"] * self.coverage["weight"])
 
     @cached_property
     def mode(self) -> NDArray[np.int8]:
@@ -159,7 +165,7 @@ def observation_of(record: RunRecord, plan: Plan) -> ObservationResult:
         )
     maps = []
     for suffix in ("", "_passage"):
-        seen = CoverageMap(plan.region.area, plan.n)
+        seen = CoverageMap(plan.region.weighted_area, plan.n)
         seen.first_seen_by_s[:] = record.coverage[f"first_seen_by_s{suffix}"]
         maps.append(seen)
     kept = KeptPictures(cells, plan.n, plan.scenario.data.pictures)

@@ -24,7 +24,7 @@ from swarm_mj.records.navigation import navigation_summary
 from swarm_mj.records.observed import mapped_by_class, not_observed
 from swarm_mj.records.propulsion import propulsion_summary
 from swarm_mj.records.rounding import by_name, rounded, spread
-from swarm_mj.scenarios.itinerary import itinerary
+from swarm_mj.scenarios.itinerary import all_targets, itinerary, target_text
 from swarm_mj.simulator.telemetry import MODES
 from swarm_mj.typing import Array
 
@@ -71,10 +71,13 @@ def _observed(plan: Plan, result: ObservationResult) -> dict[str, Any]:
         "target_area_km2": rounded(region.total_area / 1e6, 6),
         "visiting_points": list(scenario.design.visiting_points),
         "coverage_percent": rounded(result.coverage.percent, 6),
+        "target": target_text(scenario.target),
+        "target_percent_of_body": rounded(100.0 * region.total_area / float(region.mesh.face_areas.sum()), 4),
+        "weighted": region.is_weighted,
         **_by_target(plan, result),
         "coverage_percent_passage": rounded(result.passage.percent, 6),
         "coverage_percent_by_spacecraft": by_name(plan.names, result.coverage.percent_by_spacecraft, 4),
-        "not_observed": not_observed(region.area, result.why),
+        "not_observed": not_observed(region.weighted_area, result.why),
         "classes": mapped_by_class(region.area, result.quality),
         "criterion": scenario.observation.criterion,
         "light": scenario.observation.light,
@@ -106,6 +109,7 @@ def _by_target(plan: Plan, result: ObservationResult) -> dict[str, Any]:
     if region.parts:
         shares = [result.coverage.percent_of(region.cells_of(k)) for k in range(len(region.parts))]
         found["coverage_percent_by_target"] = [rounded(share, 6) for share in shares]
+        found["weight_by_target"] = [target.weight for target in all_targets(plan.scenario)]
         found["target_area_km2_by_target"] = [rounded(part.total_area / 1e6, 6) for part in region.parts]
     if plan.scenario.design.observers or plan.scenario.design.release_s:
         found["itinerary"] = {

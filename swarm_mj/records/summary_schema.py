@@ -129,6 +129,9 @@ class RunSummary(Record):
     target_faces: NonNegativeInt
     target_cells: PositiveInt
     target_area_km2: NonNegativeFloat
+    target: str = ""
+    target_percent_of_body: Percent = 0.0
+    weighted: bool = False
     visiting_points: Annotated[list[int], FailFast()]
     coverage_percent_passage: Percent
     coverage_percent_by_spacecraft: dict[str, Percent]

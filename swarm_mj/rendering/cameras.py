@@ -126,7 +126,7 @@ def view_direction(plan: Plan, path_N: Array, aspect: float, span_s: Span | None
     """
     begin, end = span_s or (0.0, plan.scenario.duration_s)
     region, environment = plan.region, plan.environment
-    normal_A = _unit(region.area @ region.normal_A)
+    normal_A = region.facing_A
     times = (min(max(last_arrival_s(plan.scenario), begin), end), end)
     normals = np.array([normal_A @ environment.C_AN(t) for t in times])
     path = path_N.mean(axis=1)

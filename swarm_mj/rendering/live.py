@@ -91,7 +91,7 @@ class LiveFlight:
     def restart(self) -> None:
         """Go back to the deployment."""
         self._simulation = make_simulation(self.plan)
-        self._coverage = CoverageMap(self.plan.region.area, self.plan.n)
+        self._coverage = CoverageMap(self.plan.region.weighted_area, self.plan.n)
         self._trail = Trail(self.plan)
         self._received = np.zeros(self.plan.n, np.bool_)
         self._decide()

@@ -292,7 +292,7 @@ class Drawing:
 
     def _share(self, instant: Instant) -> float:
         region = self._plan.region
-        return float(region.area[instant.seen].sum() / region.total_area)
+        return float(region.weighted_area[instant.seen].sum() / region.total_weighted_area)
 
     def _lines(self, instant: Instant) -> list[Line]:
         title = f"{clock(instant.t)}   {self._note}"

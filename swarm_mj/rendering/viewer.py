@@ -151,7 +151,7 @@ def _update(handle: Any, model: DrawingModel, player: Player) -> None:
 def status(model: DrawingModel, player: Player) -> tuple[str, str]:
     """Two columns of lines: time, speed, observed share, and what each spacecraft does."""
     now, plan = player.now, player.flight.plan
-    share = 100.0 * float(plan.region.area[now.seen].sum() / plan.region.total_area)
+    share = 100.0 * float(plan.region.weighted_area[now.seen].sum() / plan.region.total_weighted_area)
     pace = "over" if player.flight.over else "paused" if player.paused else f"{player.speed:g} x"
     rows = [("time", clock(now.t)), ("speed", pace), ("observed", percent_text(share))]
     for text, _ in roles(now, plan.names):

@@ -11,6 +11,7 @@ from plotly.colors import sample_colorscale
 from plotly.subplots import make_subplots
 
 from swarm_mj.dataflow.delivery import Delivery
+from swarm_mj.figures.cells import in_one_piece
 from swarm_mj.figures.delivery_view import (
     LEAST_PERCENT,
     LINK_STYLES,
@@ -27,6 +28,7 @@ from swarm_mj.figures.delivery_view import (
     speakers,
     stretches,
 )
+from swarm_mj.figures.maps import latitude_longitude
 from swarm_mj.figures.palette import GREY, LIGHT_GREY, SKY_BLUE, SPACECRAFT, VERMILLION, spacecraft_colours
 from swarm_mj.figures.units import TimeAxis, data_unit, instant, note_of_omission, shown_spacecraft, time_axis
 from swarm_mj.mission.links import Obstacle
@@ -234,7 +236,7 @@ def data_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
 
 
 def _area_curves(figure: go.Figure, run: RunRecord, delivery: Delivery, axis: TimeAxis) -> None:
-    area, by = run.coverage["area"], run.coverage["first_seen_by_s"]
+    area, by = run.weighted_area, run.coverage["first_seen_by_s"]
     even = np.linspace(0.0, float(delivery.edges_s[-1]), INSTANTS)
     times = np.unique(np.concatenate((even, delivery.tile_arrives_s[delivery.arrived], by[~np.isnan(by)])))
     coverage = CoverageMap(area, len(by))
@@ -257,9 +259,9 @@ def _curve(
 
 def map_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
     """The target's cells by when they arrive, hatched by the reason where they never do."""
-    coverage, several = run.coverage, bool(run.scenario.designer.extra_targets)
+    several = _on_globe(run)
     corners = _flat_corners(run)
-    times, area = delivery.arrives_s, coverage["area"]
+    times, area = delivery.arrives_s, run.weighted_area
     figure = go.Figure()
     there = ~np.isnan(times)
     for cells, words, colour in _classes(times, there):
@@ -282,13 +284,18 @@ def map_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
 def _flat_corners(run: RunRecord) -> Array:
     """Corners of the cells in the plane, shape (n, 3, 2) [deg]: about the target's axis; of several on the globe."""
     target, corners_A = run.scenario.target, run.coverage["vertices"][run.coverage["faces"]]
-    if not run.scenario.designer.extra_targets:
+    if not _on_globe(run):
         return angles(corners_A, local_axes(target.latitude_deg, target.longitude_deg))
-    x, y, z = np.moveaxis(np.asarray(corners_A, np.float64), -1, 0)
-    longitude = np.degrees(np.arctan2(y, x))
-    longitude -= 360.0 * np.rint((longitude[:, :1] - target.longitude_deg) / 360.0)
-    longitude -= 360.0 * np.rint((longitude - longitude[:, :1]) / 360.0)  # a cell stays in one piece
-    return np.stack((longitude, np.degrees(np.arctan2(z, np.hypot(x, y)))), axis=-1)
+    centroid_A = corners_A.mean(axis=1)
+    middle = run.coverage["area"] @ centroid_A
+    centre = target.longitude_deg if target.region == "pyramid" else float(np.degrees(np.arctan2(middle[1], middle[0])))
+    flat, around = (np.stack(latitude_longitude(places, centre)[::-1], axis=-1) for places in (corners_A, centroid_A))
+    return in_one_piece(flat, around)
+
+
+def _on_globe(run: RunRecord) -> bool:
+    """Whether the target is drawn by longitude and latitude: several, or one that is no pyramid."""
+    return bool(run.scenario.designer.extra_targets) or run.scenario.target.region != "pyramid"
 
 
 def _classes(times: Array, there: Mask) -> list[tuple[Mask, str, str]]:

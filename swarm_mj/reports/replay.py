@@ -95,7 +95,8 @@ def make_replay(run: RunRecord, limits: Limits) -> Replay:
     mode = run.mode[np.ix_(samples, shown)]
     pointing_deg = np.degrees(telemetry["pointing_error"].values[:, shown])
     wheel_rpm = np.abs(telemetry["wheel_speed"].values[:, shown] / RPM).max(axis=2)
-    area, by, by_passage = (run.coverage[k] for k in ("area", "first_seen_by_s", "first_seen_by_s_passage"))
+    area = run.weighted_area
+    by, by_passage = (run.coverage[name] for name in ("first_seen_by_s", "first_seen_by_s_passage"))
     swarm, passage = _coverage(area, by), _coverage(area, by_passage)
     return Replay(
         samples=samples,
@@ -130,7 +131,8 @@ def choose_samples(run: RunRecord, count: int) -> Indices:
 
 
 def _encounter(run: RunRecord) -> slice | None:
-    radius = float(np.linalg.norm(run.coverage["body_vertices"], axis=1).max())
+    corners = np.vstack((run.coverage["body_vertices"], run.coverage["vertices"]))
+    radius = float(np.linalg.norm(corners, axis=1).max())
     return encounter(run.times, run.telemetry["r_BN_N"].values, last_arrival_s(run.scenario), radius)
 
 

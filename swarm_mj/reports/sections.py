@@ -52,7 +52,7 @@ def summary_section(run: RunRecord) -> Html:
         ("fastest wheel", f"{100 * summary['max_wheel_speed_fraction']:.0f} %", "of its limit"),
         ("links closed at the end", f"{summary['links_closed_final']} of {summary['spacecraft']}", "spacecraft"),
         ("deployment Δv, at most", f"{max(summary['deployment_delta_v_m_s'].values()):.2f} m/s", "of one spacecraft"),
-        ("target", size, f"{summary['target_faces']} faces"),
+        ("target", size, ", ".join(filter(None, (summary.get("target"), f"{summary['target_faces']} faces")))),
     ]
     cards = [tag("div", tag("dt", name), tag("dd", value, tag("small", note))) for name, value, note in numbers]
     return section("summary", "Summary", tag("dl", cards, class_="numbers"), findings_list(run))
@@ -62,6 +62,7 @@ def _criterion(summary: dict[str, Any]) -> str:
     """What counts, and of what does not the cause."""
     light = ", light ignored" if summary.get("light") == "ignored" else ", sunlit"
     missing = causes_text(summary)
+    light += ", by weighted area" if summary.get("weighted") else ""
     return CRITERION[summary["criterion"]] + light + (f"; not observed: {missing}" if missing else "")
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 #: Shapes that a scenario names: packaged ones, and the ellipsoid of `body.semi_axes_m`.
-PACKAGED_SHAPES = ("eros", "bennu", "itokawa", "ellipsoid")
+PACKAGED_SHAPES = ("eros", "bennu", "itokawa", "dumbbell", "ellipsoid")
 
 
 def packaged_files(folder: str = "", suffix: str = ".yaml") -> dict[str, Traversable]:

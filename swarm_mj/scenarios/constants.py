@@ -31,7 +31,7 @@ DAY: Final = 86_400.0
 # ---- Sizes of packaged bodies, and the lens of a CubeSat ------------------------------------------------------------
 #: Longest extent of the packaged shapes [m]: Eros (JPL Small-Body Database, 34.4 x 11.2 x 11.2 km), Bennu (Barnouin et al.
 #: 2019, Nature Geoscience 12, 247), Itokawa (Fujiwara et al. 2006, Science 312, 1330: 535 x 294 x 209 m).
-LONGEST_EXTENT_M: Final = {"eros": 34_400.0, "bennu": 565.0, "itokawa": 535.0}
+LONGEST_EXTENT_M: Final = {"eros": 34_400.0, "bennu": 565.0, "itokawa": 535.0, "dumbbell": 2000.0}
 #: Green light, the middle of the visible band [m].
 GREEN_LIGHT_M: Final = 550e-9
 #: Aperture that fits the 0.1 m face of a 3U CubeSat [m]; assumed, AAS 19-144 gives none.

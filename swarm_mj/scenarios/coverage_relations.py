@@ -128,6 +128,11 @@ def with_ground_resolution(scenario: Scenario) -> Scenario:
 
 def _half_angle(scenario: Scenario, altitude_m: float) -> float:
     """Half-angle [deg] of a camera that sees the scenario's target region from this altitude [m]."""
+    if scenario.target.region != "pyramid":
+        raise ScenarioError(
+            f"camera.half_angle_deg: missing; with camera.ground_resolution_m it follows for target.region = pyramid, not for "
+            f"{scenario.target.region}: give it"
+        )
     radius = _half_length(scenario.body)
     try:
         return nadir_angle_deg(scenario.target.half_angle_deg, altitude_m=altitude_m, body_radius_m=radius)

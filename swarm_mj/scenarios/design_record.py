@@ -67,4 +67,5 @@ class DesignRecord(Record):
     genetic_delivered_by_h: dict[str, float | None] = {}
     genetic_delivered_in_time: dict[str, bool | None] = {}
     designs_flown: int = 0
+    b_plane: Annotated[list[dict[str, float | None]], FailFast()] = []
     visiting_points_A_m: Annotated[list[Place], FailFast()] = []

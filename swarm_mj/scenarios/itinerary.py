@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from string import ascii_uppercase
 from typing import NamedTuple
 
 import numpy as np
 
 from swarm_mj.scenarios.schema import Scenario, Target
-from swarm_mj.scenarios.schema_itinerary import Visit
+from swarm_mj.scenarios.schema_itinerary import Aim, Visit
 from swarm_mj.typing import Array
 
 
@@ -21,6 +22,7 @@ class Stop(NamedTuple):
         altitude_m: Imaging altitude [m].
         time_of_flight_s: From release to arrival [s].
         release_s: Past the epoch [s].
+        aim: Where it looks, see `design.aim`.
     """
 
     target: int
@@ -28,6 +30,7 @@ class Stop(NamedTuple):
     altitude_m: float
     time_of_flight_s: float
     release_s: float
+    aim: Aim = "centre"
 
     @property
     def arrival_s(self) -> float:
@@ -46,6 +49,7 @@ def itinerary(scenario: Scenario) -> tuple[Stop, ...]:
             _given(arrival.imaging_altitude_m, design.imaging_altitude_m),
             _given(arrival.time_of_flight_s, design.time_of_flight_s),
             _given(arrival.release_s, design.release_s),
+            arrival.aim or design.aim,
         )
         for arrival, point in zip(arrivals, design.visiting_points, strict=True)
     )
@@ -67,8 +71,24 @@ def target_name(number: int) -> str:
 
 def all_targets(scenario: Scenario) -> tuple[Target, ...]:
     """The scenario's target and those that the designer has to cover besides."""
-    extra = (scenario.target.model_copy(update=extra.model_dump()) for extra in scenario.designer.extra_targets)
+    alone = scenario.target.model_copy(update={"region": "pyramid", "polygon": None, "polygon_file": None})
+    extra = (alone.model_copy(update=extra.model_dump()) for extra in scenario.designer.extra_targets)
     return (scenario.target, *extra)
+
+
+def target_text(target: Target) -> str:
+    """What a target is, in a few words."""
+    if target.region == "polygon":
+        return "polygon" if target.polygon_file is None else f"polygon of {PurePath(target.polygon_file).name}"
+    if target.region == "lit":
+        return "lit part, " + ("in the passage" if target.lit_at == "passage" else "at the arrival")
+    if target.region == "body":
+        return "whole body"
+    hemisphere, place = "N" if target.latitude_deg >= 0 else "S", abs(target.latitude_deg)
+    return (
+        f"{place:g}\N{DEGREE SIGN} {hemisphere}, {target.longitude_deg % 360.0:g}\N{DEGREE SIGN} E, half-angle "
+        f"{target.half_angle_deg:g}\N{DEGREE SIGN}"
+    )
 
 
 def last_arrival_s(scenario: Scenario) -> float:

@@ -185,6 +185,7 @@ def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
     """
     for section, key, names in (
         ("body", "shape", PACKAGED_SHAPES),
+        ("target", "polygon_file", []),
         ("design", "reference", packaged_files("designs", ".json")),
         ("spacecraft", "mjcf", []),
         ("mothership.ephemeris", "oem", []),

@@ -16,7 +16,7 @@ from swarm_mj.scenarios.bodies import expanded_body, packaged_bodies
 from swarm_mj.scenarios.schema_body import Body, Ephemerides, Perturbations
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
 from swarm_mj.scenarios.schema_imaging import Camera, Observation
-from swarm_mj.scenarios.schema_itinerary import Design
+from swarm_mj.scenarios.schema_itinerary import Aim, Design
 from swarm_mj.scenarios.schema_link import Data, Link
 from swarm_mj.scenarios.schema_mothership import Mothership
 from swarm_mj.scenarios.schema_propulsion import (
@@ -31,10 +31,42 @@ from swarm_mj.scenarios.schema_sensors import Sensors, expanded_sensors
 from swarm_mj.scenarios.schema_swarm import Swarm
 from swarm_mj.scenarios.section import YOUR_OWN, Parameters, Section, Vector3
 
+Longitude = Annotated[float, Field(ge=-360, le=360, description="east longitude [deg]")]
+Latitude = Annotated[float, Field(ge=-90, le=90, description="planetocentric latitude [deg]")]
+#: A closed line: its last corner is its first.
+Ring = Annotated[tuple[tuple[Longitude, Latitude], ...], Field(min_length=4, max_length=10_000)]
+#: Weight of a target's area.
+Weight = Annotated[float, Field(ge=1e-6, le=1e6)]
+
 
 class Target(Section):
-    """The surface feature: the part of the body inside a pyramid from its centre."""
+    """What of the surface is to be seen: a pyramid from the body's centre, a polygon, the lit part, or all of it."""
 
+    region: Literal["pyramid", "polygon", "lit", "body"] = Field(
+        "pyramid",
+        description="pyramid: inside one from the body's centre, as in the paper; polygon: inside lines in longitude and "
+        "latitude; lit: all that is lit as observation.max_incidence_deg has it, with cast shadows, see lit_at; body: all; see "
+        "docs/how-to/targets.md",
+    )
+    polygon: tuple[Ring, ...] | None = Field(
+        None,
+        max_length=1000,
+        description="rings of corners [east longitude, latitude] [deg], the outer one first, then its holes, each closed; "
+        "edges are straight in longitude and latitude, as RFC 7946 has them",
+    )
+    polygon_file: str | None = Field(
+        None,
+        description="path of a GeoJSON file of Polygons and MultiPolygons in place of polygon, relative to the scenario's file",
+    )
+    lit_at: Literal["passage", "arrival"] = Field(
+        "passage",
+        description="when the lit part is lit: at some picture time of the flight, every observation.interval_s from the epoch "
+        "on, or at the common arrival, design.release_s + time_of_flight_s",
+    )
+    weight: Weight = Field(
+        1.0,
+        description="of its area in P_TO and in designs, beside other targets [-]; where targets overlap the largest counts",
+    )
     latitude_deg: float = Field(0.0, ge=-90, le=90, description="planetocentric latitude of the axis [deg]")
     longitude_deg: float = Field(90.0, ge=-360, le=360, description="east longitude [deg]")
     half_angle_deg: float = Field(20.0, gt=0, lt=90, description="of the pyramid about its axis [deg]; see edges")
@@ -48,6 +80,19 @@ class Target(Section):
         description="edge length to which target faces are subdivided [m]; null: not at all; auto: only where the camera's "
         "footprint is too narrow for whole faces to measure the area",
     )
+
+    @model_validator(mode="after")
+    def _polygon_is_given_once(self) -> Self:
+        given = [key for key in ("polygon", "polygon_file") if getattr(self, key) is not None]
+        if self.region == "polygon" and len(given) != 1:
+            raise ValueError(
+                f"region = polygon: give one of polygon and polygon_file, not {' and '.join(given) or 'none'}"
+            )
+        if self.region != "polygon" and given:
+            raise ValueError(
+                f"{given[0]}: says nothing with region = {self.region}; must be left out, or region: polygon"
+            )
+        return self
 
 
 class Wheel(Section):
@@ -159,6 +204,7 @@ class ExtraTarget(Section):
     latitude_deg: float = Field(ge=-90, le=90, description="planetocentric latitude of the axis [deg]")
     longitude_deg: float = Field(ge=-360, le=360, description="east longitude of the axis [deg]")
     half_angle_deg: float = Field(20.0, gt=0, lt=90, description="of the pyramid about its axis [deg]")
+    weight: Weight = Field(1.0, description="of its area, as target.weight [-]")
 
 
 class Designer(Section):
@@ -190,6 +236,16 @@ class Designer(Section):
         description="times past the epoch to choose from at which a spacecraft is released [s], so that rotation and light are "
         "used; empty: the design's",
     )
+    aims: tuple[Aim, ...] = Field(
+        (), max_length=2, description="where a spacecraft may look, see design.aim, to choose from; empty: the design's"
+    )
+    max_points: int | None = Field(
+        None,
+        ge=1,
+        le=100_000,
+        description="visiting points of a target that are tried: so many of its mesh vertices, each in turn the farthest from "
+        "those before; null: all, which of a whole body are thousands",
+    )
     deliver_within_h: float | None = Field(
         None,
         gt=0,
@@ -208,7 +264,7 @@ class Designer(Section):
     @model_validator(mode="after")
     def _delivered_by_one_flight(self) -> Self:
         if self.deliver_within_h is not None:
-            for key in ("extra_targets", "altitudes_m", "times_of_flight_s", "releases_s"):
+            for key in ("extra_targets", "altitudes_m", "times_of_flight_s", "releases_s", "aims"):
                 if getattr(self, key):
                     raise ValueError(
                         f"{key}: must be empty with deliver_within_h = {self.deliver_within_h:g}, which is judged by one "
@@ -314,6 +370,15 @@ class Scenario(Section):
             )
             raise ValueError(
                 f"epoch = {self.epoch}: must be from 1800 to {last}, where the elements of the Earth hold{remedy}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _target_has_a_place(self) -> Self:
+        if self.dispersions.target_m and self.target.region in ("lit", "body"):
+            raise ValueError(
+                f"dispersions.target_m = {self.dispersions.target_m:g}: must be 0 with target.region = {self.target.region}, "
+                "which has no place that could be wrong"
             )
         return self
 

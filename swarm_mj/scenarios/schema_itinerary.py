@@ -8,6 +8,9 @@ from pydantic import Field, model_validator
 
 from swarm_mj.scenarios.section import Section
 
+#: Where an observer looks inside the imaging radius.
+Aim = Literal["centre", "point"]
+
 
 class Visit(Section):
     """What one observer does; keys that are absent or null take the common values of `design`."""
@@ -21,6 +24,7 @@ class Visit(Section):
     release_s: float | None = Field(
         None, ge=0, description="time past the epoch at which the mothership releases it [s]"
     )
+    aim: Aim | None = Field(None, description="where it looks, see design.aim")
 
 
 class Design(Section):
@@ -45,6 +49,11 @@ class Design(Section):
     )
     time_of_flight_s: float = Field(600.0, gt=0, description="from the mothership to the visiting point [s]")
     release_s: float = Field(0.0, ge=0, description="time past the epoch at which spacecraft leave the mothership [s]")
+    aim: Aim = Field(
+        "centre",
+        description="where observers look inside the imaging radius when the behaviour has them look at the body's centre: "
+        "there, or at the mesh vertex below their own visiting point",
+    )
     observers: tuple[Visit, ...] = Field(
         (),
         max_length=100_000,

@@ -3,7 +3,8 @@
 A unit vector u points to the surface point x = rho(u) (a u_x, b u_y, c u_z) in frame A, where rho is a sum of real
 orthonormal spherical harmonics. Those of 433 Eros go to degree 40 with (16, 8, 6) km; they were fitted to the NEAR MSI plate
 model with 7,790 facets (Thomas et al. 2002; PDS data set NEAR-A-5-COLLECTED-MODELS-V1.0), whose facets they pass at 12 m rms.
-The tables of 101955 Bennu (degree 24) and 25143 Itokawa (degree 36) name their models in their first lines.
+The tables of 101955 Bennu (degree 24) and 25143 Itokawa (degree 36) name their models in their first lines; that of the
+dumb-bell, a body of our own, says how it is made.
 
 `swarm-mj build-shape --out assets/eros.obj` builds the mesh of Eros that this project flies around.
 """
@@ -50,6 +51,7 @@ BODIES = {
     "eros": HarmonicShape("433 Eros", "eros_shape_harmonics.csv", (16_000.0, 8_000.0, 6_000.0)),
     "bennu": HarmonicShape("101955 Bennu", "bennu_shape_harmonics.csv", (280.0, 270.0, 250.0)),
     "itokawa": HarmonicShape("25143 Itokawa", "itokawa_shape_harmonics.csv", (280.0, 150.0, 120.0)),
+    "dumbbell": HarmonicShape("dumb-bell", "dumbbell_shape_harmonics.csv", (1000.0, 900.0, 800.0)),
 }
 
 

@@ -36,6 +36,7 @@ def study_of(quick_plan):
             delta_v=np.ones(n),
             beyond=np.zeros(n, bool),
             point_A=np.zeros((n, 3)),
+            b_plane=np.full((n, 3), np.nan),
             region=region,
         )
         problem = CoverProblem(sees=sees, area=region.area, tolerance_percent=0.0, max_observers=max(20, n))

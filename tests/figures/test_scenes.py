@@ -12,9 +12,10 @@ from swarm_mj.figures.operation import name_earth
 from swarm_mj.figures.palette import ORANGE, SKY_BLUE
 from swarm_mj.figures.run_figures import COMPOSERS
 from swarm_mj.figures.scene import axis_tips, best_view, scene_from
-from swarm_mj.figures.target import geographic
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.target import angles
+from swarm_mj.scenarios.itinerary import target_text
+from swarm_mj.scenarios.schema import Target
 
 from .sheets import assert_nothing_is_cut_off, swarm_of, with_coverage
 
@@ -78,7 +79,13 @@ def test_angles_make_the_pyramid_a_square(quick_plan):
 
 
 def test_places_in_words():
-    assert geographic(-12.5, -90.0) == "12.5\N{DEGREE SIGN} S, 270\N{DEGREE SIGN} E"
+    words = {
+        Target(latitude_deg=-12.5, longitude_deg=-90.0): "12.5° S, 270° E, half-angle 20°",
+        Target(region="body"): "whole body",
+        Target(region="lit", lit_at="arrival"): "lit part, at the arrival",
+        Target(region="polygon", polygon_file="/some/where/crater.geojson"): "polygon of crater.geojson",
+    }
+    assert [target_text(target) for target in words] == list(words.values())
 
 
 def test_flight_plane_holds_the_mean_path_and_the_body(flown):

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from swarm_mj.errors import MissionError
-from swarm_mj.mission.mesh_cut import cut_mesh, refine_mesh
+from swarm_mj.mission.mesh_cut import Cuts, cut_mesh, refine_mesh
 from swarm_mj.mission.target import (
     automatic_cell_size,
     build_target,
@@ -158,7 +158,9 @@ def test_the_pyramid_cuts_a_square_out_of_a_box():
 
 def test_planes_through_vertices_and_edges_make_no_slivers():
     shape = box()
-    vertices, faces, parent = cut_mesh(shape.vertices, shape.faces, np.array([[1, 1, 0], [1, -1, 0]]) / np.sqrt(2))
+    vertices, faces, parent = cut_mesh(
+        shape.vertices, shape.faces, Cuts(np.array([[1, 1, 0], [1, -1, 0]]) / np.sqrt(2))
+    )
     assert is_closed(faces)
     assert ShapeModel(vertices, faces).face_areas.min() > 0.1
     with pytest.raises(MissionError, match="no mesh vertex"):

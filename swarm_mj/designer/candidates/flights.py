@@ -9,6 +9,7 @@ what any rotation sees is counted, which for a square field of view is what its 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import radians
 from typing import Any
@@ -29,9 +30,10 @@ from swarm_mj.mission.trajectories import NO_TRAJECTORY, Progress
 from swarm_mj.observation.capture import camera_poses, watching
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.simulation import sample_times
+from swarm_mj.smallbody.conic import hyperbola_of_state
 from swarm_mj.spacecraft.attitude.guidance import LineOfSight, Reference, track_line_of_sight
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
-from swarm_mj.typing import Array, Mask
+from swarm_mj.typing import Array, Indices, Mask
 
 #: A turn is over when so little of it is left, of the camera's half-angle.
 SETTLED = 0.01
@@ -97,7 +99,7 @@ def at_points(scenario: Scenario, points: Sequence[int]) -> Scenario:
 
 
 def fly_candidates(scenario: Scenario, progress: Progress | None = None) -> CandidateFlights:
-    """Fly to every visiting point of the scenario's target that can be reached without hitting the body.
+    """Fly to the visiting points of the scenario's target, at most `designer.max_points`, that can be reached safely.
 
     The share that is done, 0 to 1, is told to `progress`.
 
@@ -111,8 +113,9 @@ def fly_candidates(scenario: Scenario, progress: Progress | None = None) -> Cand
             f"behavior.name = {scenario.behavior.name!r}: it can fly, but no design can be made with it: it needs the mission"
         )
     _check_deployer(scenario)
-    n_points = target_from(scenario, load_body_shape(scenario.body)).n_visiting
-    plan, left_out = _reachable(scenario, range(1, n_points + 1), progress)
+    region = target_from(scenario, load_body_shape(scenario.body))
+    points = farthest_apart(region.vertices[region.visiting_vertex], scenario.designer.max_points)
+    plan, left_out = _reachable(scenario, [int(k) + 1 for k in points], progress)
     if plan.deployment.burns:
         _require_known_velocity(scenario, "so do insertion burns (mothership.deployer.max_speed_m_s: null flies none)")
     times, _ = _picture_times(scenario)
@@ -144,6 +147,41 @@ def flights_of(plan: Plan, left_out: dict[int, str], **flown: Any) -> CandidateF
         left_out=left_out,
         **flown,
     )
+
+
+def farthest_apart(points_A: Array, count: int | None) -> Indices:
+    """Numbers of `count` of some points, each in turn the farthest from those before, ascending; all where they are as few.
+
+    The first is the one farthest from the centre of A. No point is then farther from a chosen one than twice the least that
+    any choice of as many could do (Gonzalez 1985). `points_A`: shape (n, 3) [m].
+    """
+    if count is None or count >= len(points_A):
+        return np.arange(len(points_A))
+    chosen = [int(np.argmax(np.linalg.norm(points_A, axis=1)))]
+    apart = np.linalg.norm(points_A - points_A[chosen[0]], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(np.argmax(apart)))
+        apart = np.minimum(apart, np.linalg.norm(points_A - points_A[chosen[-1]], axis=1))
+    return np.sort(chosen)
+
+
+def b_plane_of(flights: CandidateFlights) -> Array:
+    """B.T and B.R [m] and the speed on the incoming asymptote [m/s] of each candidate's path, shape (n, 3).
+
+    Of the two-body orbit at its release, with the pole of the ecliptic, see `swarm_mj.smallbody.conic`; NaN of a bound one, of
+    one along the pole, and of a field without GM.
+    """
+    plan, found = flights.plan, np.full((flights.n, 3), np.nan)
+    gm = getattr(plan.environment.gravity, "gm", None)
+    if gm is None:
+        return found
+    for j in range(flights.n):
+        flyby = hyperbola_of_state(plan.deployment.release_r_N[j], plan.deployment.v0_N[j], float(gm))
+        if flyby is not None:
+            found[j, 2] = flyby.speed
+            with suppress(MissionError):
+                found[j, :2] = flyby.components(np.array([0.0, 0.0, 1.0]))
+    return found
 
 
 def _check_deployer(scenario: Scenario) -> None:

@@ -209,8 +209,8 @@ class Judge:
         workers: int | Runner | None,
     ) -> None:
         self.region, self.imaging_model, self.criterion, self.workers = region, imaging_model, criterion, workers
-        self._observer = imaging_model.open(region)
-        self._reach, self._cells = reach_of(self._observer, criterion), cells_of(region)
+        self.observer = imaging_model.open(region)
+        self._reach, self._cells = reach_of(self.observer, criterion), cells_of(region)
         self._lit: dict[tuple[int, int], Mask] = {}
         self._all_lit = np.ones((1, region.n_cells), np.bool_)
         #: Why each cell is seen by none of those judged so far, in the picture that came nearest to it.
@@ -234,7 +234,7 @@ class Judge:
                 seen = np.zeros(self.region.n_cells, dtype=np.bool_)
                 for row, k in enumerate(watcher.pictures):
                     cause = judge(
-                        self._observer,
+                        self.observer,
                         self.criterion,
                         CameraPose(watcher.flights.r_A[k, watcher.number], watcher.flights.C_CA[k, watcher.number]),
                         partial(self._light, watcher.flights, int(k)),
@@ -259,15 +259,15 @@ class Judge:
         if key not in self._lit:
             environment, t = flights.plan.environment, float(flights.times[k])
             sun_A = environment.C_AN(t) @ environment.sun.at(t)
-            self._lit[key] = lit_cells(self._observer, self.criterion, sun_A)
+            self._lit[key] = lit_cells(self.observer, self.criterion, sun_A)
         return self._lit[key]
 
     def _motion_blur(self, watcher: Watcher, k: int) -> Array:
         """Motion blur of every cell in a picture of a candidate, which turns as it is commanded [px]."""
         flights, j = watcher.flights, watcher.number
         motion = CameraMotion(flights.v_A[k, j], flights.omega_C[k, j])
-        return motion_blur_px(self.region, self._observer.camera, flights.r_A[k, j], flights.C_CA[k, j], motion)
+        return motion_blur_px(self.region, self.observer.camera, flights.r_A[k, j], flights.C_CA[k, j], motion)
 
     def close(self) -> None:
         """Release what the observer holds."""
-        self._observer.close()
+        self.observer.close()

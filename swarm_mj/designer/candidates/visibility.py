@@ -22,12 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.compilation import kernel
-from swarm_mj.designer.candidates.flights import CandidateFlights, Unreachable
+from swarm_mj.designer.candidates.flights import CandidateFlights, Unreachable, b_plane_of
 from swarm_mj.designer.candidates.kept_flights import flights_from, fly, keep, kept
 from swarm_mj.designer.candidates.pictures import ImagingModel, Judge, Progress, Watcher
 from swarm_mj.designer.problem import Words, is_subset, pack
 from swarm_mj.flight.environment import load_body_shape
-from swarm_mj.flight.observe import camera_from
+from swarm_mj.flight.observe import camera_from, tell_never_lit
 from swarm_mj.flight.targets import target_from
 from swarm_mj.io.cache import Arrays
 from swarm_mj.io.workers import Runner
@@ -36,6 +36,7 @@ from swarm_mj.mission.target import TargetRegion
 from swarm_mj.scenarios.itinerary import all_targets
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_itinerary import Aim
 from swarm_mj.typing import Array, Indices, Mask
 
 #: Candidates in the first wave.
@@ -101,6 +102,7 @@ class Candidate(NamedTuple):
         altitude_m: Imaging altitude [m].
         time_of_flight_s: [s].
         release_s: Past the epoch [s].
+        aim: Where it looks, see `design.aim`.
     """
 
     point: int
@@ -108,6 +110,7 @@ class Candidate(NamedTuple):
     altitude_m: float
     time_of_flight_s: float
     release_s: float
+    aim: Aim = "centre"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,10 +120,11 @@ class Visibility:
     Attributes:
         candidates: Meaning of each row, shape (n,).
         sees: Whether a candidate sees a cell, shape (n, cells).
-        area: Of each cell of all targets [m^2], shape (cells,); where targets overlap, a cell is there once.
+        area: Of each cell of all targets, times its weight [m^2], shape (cells,); where targets overlap, a cell is there once.
         delta_v: Deployment speed of each candidate [m/s], shape (n,).
         beyond: Whether that is more than the deployer can give, shape (n,).
         point_A: Where each candidate passes at its time of flight, in A [m], shape (n, 3).
+        b_plane: B.T and B.R [m] and the speed on the asymptote [m/s] of each candidate's path, see `b_plane_of`, shape (n, 3).
         region: All targets in one; its `targets` are each of them.
         left_out: What the designer might have chosen but nobody can fly to, and why.
         unjudged: Candidates whose pictures were not judged because of an interruption; they count as seeing nothing.
@@ -137,6 +141,7 @@ class Visibility:
     delta_v: Array
     beyond: Mask
     point_A: Array
+    b_plane: Array
     region: TargetRegion
     left_out: list[tuple[Candidate, str]] = field(default_factory=list)
     why: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
@@ -189,10 +194,11 @@ def visibility(
     return Visibility(
         candidates=[candidates[j] for j in kept],
         sees=found.sees[kept],
-        area=region.area,
+        area=region.weighted_area,
         delta_v=delta_v[kept],
         beyond=beyond[kept],
         point_A=np.concatenate([flights.plan.points_A for _, _, flights in flown])[kept],
+        b_plane=np.concatenate([b_plane_of(flights) for _, _, flights in flown])[kept],
         region=region,
         left_out=left_out,
         why=found.why,
@@ -208,7 +214,7 @@ Flown = list[tuple[int, Scenario, CandidateFlights]]
 
 def _candidate(variant: Scenario, target: int, point: int) -> Candidate:
     design = variant.design
-    return Candidate(point, target, design.imaging_altitude_m, design.time_of_flight_s, design.release_s)
+    return Candidate(point, target, design.imaging_altitude_m, design.time_of_flight_s, design.release_s, design.aim)
 
 
 def _fly(
@@ -299,6 +305,12 @@ class _Sightings:
             self.sees[wave[j]] = row
             self.judged[wave[j]] = True
 
+    def tell_never_lit(self, judge: Judge, flights: Sequence[CandidateFlights]) -> None:
+        """Tell of cells that are lit at no time of pictures."""
+        if judge.criterion.needs_sun:
+            times = np.unique(np.concatenate([each.times[each.counts] for each in flights]))
+            tell_never_lit(self.why, judge.observer, judge.criterion, flights[0].plan.environment, times)
+
     def tell(self, before: int, done: float) -> None:
         """Tell how much is done: so many candidates before, and some now."""
         if self.progress is not None:
@@ -313,6 +325,7 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | R
         found.why = judge.why  # filled in as it judges
         if len(watchers) < designer.thin_from or designer.deliver_within_h is not None:
             found.judge(judge, watchers, np.arange(len(watchers)))
+            found.tell_never_lit(judge, [flights for _, _, flights in flown])
             return
         found.tell(0, 0.0)  # the flights are done
         reach = np.stack([judge.could_see(watcher) for watcher in watchers])
@@ -320,6 +333,7 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | R
         found.stand_in = thinning.stand_in
         for wave in thinning.waves():
             found.judge(judge, watchers, wave)
+        found.tell_never_lit(judge, [flights for _, _, flights in flown])
         found.tell(len(watchers), 0.0)
 
 
@@ -330,12 +344,13 @@ def target_variants(scenario: Scenario) -> list[Scenario]:
 
 
 def flight_variants(scenario: Scenario) -> list[Scenario]:
-    """The scenario with each of the altitudes, times of flight and releases that the designer may choose from."""
+    """The scenario with each of the altitudes, times of flight, releases and aims that the designer may choose from."""
     design, designer = scenario.design, scenario.designer
     choices = {
         "design.imaging_altitude_m": designer.altitudes_m or (design.imaging_altitude_m,),
         "design.time_of_flight_s": designer.times_of_flight_s or (design.time_of_flight_s,),
         "design.release_s": designer.releases_s or (design.release_s,),
+        "design.aim": designer.aims or (design.aim,),
     }
     # Read again, so that a value that does not fit is refused like one in the file.
     variants = [

@@ -1,0 +1,65 @@
+"""Which cells of a target the Sun lights at any of some instants, as pictures are judged: incidence and cast shadows."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.observation.capture import lit
+from swarm_mj.observation.raycast import RayTracer
+from swarm_mj.smallbody.environment import LinearMotion
+from swarm_mj.smallbody.rotation import spin_dcm
+from swarm_mj.typing import Array, Mask
+
+
+class Turning(Protocol):
+    """How the body turns beneath the Sun; an `EpochState` or an `Environment`."""
+
+    @property
+    def C_PN(self) -> Array:
+        """Rotation from N to the pole's frame."""
+
+    @property
+    def phase0(self) -> float:
+        """Rotation angle at the epoch [rad]."""
+
+    @property
+    def spin_rate(self) -> float:
+        """Of the body [rad/s]."""
+
+    @property
+    def sun(self) -> LinearMotion:
+        """Of the Sun relative to the body."""
+
+
+def lit_sometime(
+    region: TargetRegion,
+    around: Turning,
+    times_s: Array,
+    max_incidence_deg: float,
+    *,
+    tracer: RayTracer | None,
+    among: Mask | None = None,
+) -> Mask:
+    """Cells that are lit at one of some instants at least, see `lit`, shape (n,).
+
+    Args:
+        region: The target.
+        around: How the body turns beneath the Sun.
+        times_s: Past the epoch [s].
+        max_incidence_deg: Of `lit`.
+        tracer: Of `lit`.
+        among: Cells that are asked about, shape (n,); the others count as never lit. None: all.
+    """
+    left = np.ones(region.n_cells, np.bool_) if among is None else among.copy()
+    found = np.zeros(region.n_cells, np.bool_)
+    for t in times_s:
+        sun_A = spin_dcm(around.C_PN, around.phase0 + around.spin_rate * t) @ around.sun.at(t)
+        now = lit(region, sun_A, max_incidence_deg=max_incidence_deg, tracer=tracer, among=left)
+        found |= now
+        left &= ~now
+        if not left.any():
+            break
+    return found
