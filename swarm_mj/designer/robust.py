@@ -47,8 +47,6 @@ from swarm_mj.typing import Array, Ints, Mask
 LOSSES = ("spacecraft_lost", "camera_off", "missed_deployment")
 #: Spacecraft of which all losses are looked at.
 MOST = 24
-#: Pairs of spacecraft that are in the program, of all realisations together; without them its bound is weaker.
-MOST_PAIRS = 20_000
 #: Designs of one number that may fall short of the probability on the other seeds before one more is taken.
 MOST_FALLEN = 5
 #: Half the width of a 95 % interval in standard errors.
@@ -160,6 +158,15 @@ def chance_of_enough(full: Words, lost: Words, chance: Array, start: Words, tabl
     return total
 
 
+def union_of(seen: Sequence[Realisation], tolerance_percent: float) -> Sample | None:
+    """What is seen in any realisation, with the least chances of loss; None where their cells are not the same."""
+    first = seen[0]
+    if any(one.area.shape != first.area.shape or (one.area != first.area).any() for one in seen):
+        return None
+    full, lost = (np.any([one[k] for one in seen], axis=0) for k in (0, 1))
+    return Sample(Realisation(full, lost, np.min([one.chance for one in seen], axis=0), first.area), tolerance_percent)
+
+
 class Sample:
     """One realisation, reduced to the cells that decide.
 
@@ -247,7 +254,8 @@ class RobustSearch:
     """A search for designs that map enough with a probability, and what is known so far.
 
     Attributes:
-        samples: The realisations.
+        realisations: Drawn of all but the losses.
+        tolerance_percent: What may be missed of the area [%].
         max_observers: N_max.
         check: Judges designs on other seeds; None: nothing is left to chance but the losses.
         known: Probabilities on the realisations of designs that were judged, by points from 0.
@@ -256,7 +264,8 @@ class RobustSearch:
         impossible: By number of spacecraft, the smallest probability that so many are proven not to keep.
     """
 
-    samples: Sequence[Sample]
+    realisations: Sequence[Realisation]
+    tolerance_percent: float
     max_observers: int
     check: Check | None = None
     known: dict[tuple[int, ...], float] = field(default_factory=dict)
@@ -267,12 +276,22 @@ class RobustSearch:
     @property
     def n_points(self) -> int:
         """Number of candidates."""
-        return len(self.samples[0].full)
+        return len(self.realisations[0].full)
 
     @property
     def most(self) -> int:
         """The most spacecraft that are looked at."""
         return min(self.max_observers, self.n_points, MOST)
+
+    @cached_property
+    def union(self) -> Sample | None:
+        """All realisations in one where everybody sees what it does in any: the probability is at least as large. None: of one."""
+        return union_of(self.realisations, self.tolerance_percent) if len(self.realisations) > 1 else None
+
+    @cached_property
+    def samples(self) -> list[Sample]:
+        """The realisations, each reduced."""
+        return [Sample(seen, self.tolerance_percent) for seen in self.realisations]
 
     @cached_property
     def bound(self) -> float:
@@ -368,7 +387,7 @@ class RobustSearch:
     def _at(self, n: int, asked: float, time_limit_s: float) -> tuple[Ints | None, int]:
         """A design of at most n spacecraft, or None and perhaps a proof that there is none; and how many fell on other seeds."""
         start, fallen = time.perf_counter(), 0
-        program = _Program(self.samples, n, asked)
+        program = _Program(self.samples, self.union, n, asked)
         while fallen < MOST_FALLEN:
             left = time_limit_s - (time.perf_counter() - start)
             if left <= 0.0:
@@ -428,42 +447,46 @@ class RobustSearch:
 class _Program:
     """The mixed-integer program for one number of spacecraft and one probability, see the module's docstring."""
 
-    def __init__(self, samples: Sequence[Sample], n: int, asked: float) -> None:
-        self._points, self._asked, self._weight = len(samples[0].full), asked, 1.0 / len(samples)
+    def __init__(self, samples: Sequence[Sample], union: Sample | None, n: int, asked: float) -> None:
+        self._points, self._asked, self._n = len(samples[0].full), asked, n
         self._entries: list[tuple[Array, Array, Array]] = []
         self._least: list[float] = []
-        self._columns, self._failing = self._points, [np.zeros(self._points)]
+        self._costs = [np.zeros(self._points)]
         self._add(np.zeros(self._points, np.int64), np.arange(self._points), -np.ones(self._points), [-float(n)])
-        pairs = [_pairs(sample) for sample in samples]
-        with_pairs = sum(map(len, pairs)) <= MOST_PAIRS
-        for sample, both in zip(samples, pairs, strict=True):
-            self._block(sample, both if with_pairs else both[:0], n)
+        for group in ([union], samples) if union is not None else (samples,):
+            before = sum(map(len, self._costs))
+            for sample in group:
+                # Pairs of many realisations take longer than they prove; those of the union stand for them.
+                self._block(sample, _pairs(sample) if len(group) == 1 else np.empty((0, 2), np.int64), 1.0 / len(group))
+            costs = np.concatenate(self._costs)
+            failing = before + np.flatnonzero(costs[before:])
+            self._add(np.zeros(len(failing), np.int64), failing, -costs[failing], [asked - 1.0 - FEASIBILITY_TOLERANCE])
 
     def _new(self, cost: Array) -> Ints:
         """Columns that cost what they add to the probability of failing."""
-        self._failing.append(cost * self._weight)
-        self._columns += len(cost)
-        return np.arange(self._columns - len(cost), self._columns)
+        first = sum(map(len, self._costs))
+        self._costs.append(cost)
+        return np.arange(first, first + len(cost))
 
     def _add(self, row: Ints, column: Ints, value: Array, least: Sequence[float]) -> None:
         """Rows, counted from 0, that are at least so much."""
         self._entries.append((row + len(self._least), column, value))
         self._least += least
 
-    def _block(self, sample: Sample, pairs: Ints, n: int) -> None:
+    def _block(self, sample: Sample, pairs: Ints, weight: float) -> None:
         """The columns and rows of one realisation."""
         chance = np.minimum(sample.chance, 1.0 - 1e-9)
         a, worst = -np.log1p(-chance), float(chance.max())
-        most = n * float(a.max())
-        if self._weight == 1.0:
+        most = self._n * float(a.max())
+        if weight == 1.0:
             most = min(most, -math.log(self._asked))
         slope = -math.expm1(-most) / most if most > 0.0 else 0.0
-        (v,), y = self._new(np.ones(1)), self._new(slope * a)
+        (v,), y = self._new(np.array([weight])), self._new(weight * slope * a)
         if not sample.possible:
             self._add(np.zeros(1, np.int64), np.array([v]), np.ones(1), [1.0])
             return
-        w = chance[pairs[:, 0]] * chance[pairs[:, 1]] * (1.0 - worst) ** max(n - 2, 0)
-        both, optional = self._new(w), np.flatnonzero(~sample.mandatory)
+        w = chance[pairs[:, 0]] * chance[pairs[:, 1]] * (1.0 - worst) ** max(self._n - 2, 0)
+        both, optional = self._new(weight * w), np.flatnonzero(~sample.mandatory)
         missed = self._new(np.zeros(len(optional)))
         j, c = np.nonzero(sample.full)
         cells = np.arange(len(sample.mandatory))
@@ -507,22 +530,16 @@ class _Program:
 
     def solve(self, excluded: Sequence[Mask], time_limit_s: float) -> Any:
         """The answer of HiGHS, with somebody sent from outside of each set that is excluded."""
-        failing = np.concatenate(self._failing)
+        failing = np.concatenate(self._costs)
         rows, columns, values = (np.concatenate(part) for part in zip(*self._entries, strict=True))
-        least, extra = np.array(self._least), [np.flatnonzero(~within) for within in excluded]
-        extra_rows = np.repeat(np.arange(len(extra)), [len(one) for one in extra]) + len(least)
-        last = np.full(len(failing), len(least) + len(extra))
-        matrix = coo_array(
-            (
-                np.concatenate((values, np.ones(len(extra_rows)), -failing)),
-                (np.concatenate((rows, extra_rows, last)), np.concatenate((columns, *extra, np.arange(len(failing))))),
-            ),
-            shape=(len(least) + len(extra) + 1, len(failing)),
-        ).tocsr()
-        least = np.concatenate((least, np.ones(len(extra)), [self._asked - 1.0 - FEASIBILITY_TOLERANCE]))
+        extra = [np.flatnonzero(~within) for within in excluded]
+        extra_rows = np.repeat(np.arange(len(extra)), [len(one) for one in extra]) + len(self._least)
+        where = np.concatenate((rows, extra_rows)), np.concatenate((columns, *extra))
+        least = np.concatenate((self._least, np.ones(len(extra))))
+        matrix = coo_array((np.concatenate((values, np.ones(len(extra_rows)))), where), shape=(len(least), len(failing)))
         program = {
             "c": failing,
-            "constraints": LinearConstraint(matrix, least, np.inf),
+            "constraints": LinearConstraint(matrix.tocsr(), least, np.inf),
             "bounds": Bounds(0.0, 1.0),
             "integrality": (np.arange(len(failing)) < self._points).astype(np.int64),
             "options": {"mip_rel_gap": 0.0},

@@ -5,7 +5,7 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
-from swarm_mj.designer.robust import Loss, Realisation, RobustSearch, Sample, realise
+from swarm_mj.designer.robust import Loss, Realisation, RobustSearch, realise
 
 
 def random_realisations(seed, *, n=8, cells=12, count=1, partly=False):
@@ -32,7 +32,7 @@ def by_enumeration(realisations, chosen, tolerance_percent):
 
 
 def search_of(realisations, tolerance_percent, most=20):
-    return RobustSearch(samples=[Sample(one, tolerance_percent) for one in realisations], max_observers=most)
+    return RobustSearch(realisations=realisations, tolerance_percent=tolerance_percent, max_observers=most)
 
 
 CASES = [
