@@ -6,28 +6,29 @@ realisation be one draw of everything else, dispersions and attitudes: who sees 
     P(S) = mean over realisations of  sum_{L in S} prod_{j in L} q_j prod_{j in S - L} (1 - q_j) [S without L sees enough]
 
 whose sum over what is lost is exact: `chance_of_enough` walks the tree of losses and leaves it where the answer is known. The
-mean over realisations is a sample average (Kleywegt, Shapiro and Homem-de-Mello, SIAM J. Optim. 12, 2002), so that designs found
-on it are judged by flights of other seeds.
+mean over realisations is a sample average (Kleywegt, Shapiro and Homem-de-Mello, SIAM J. Optim. 12, 2002), so that designs that
+it favours are judged by realisations of other seeds.
 
 For each number N of spacecraft a mixed-integer program minimises what fails at least. With x_j = 1 for who is sent, v = 1 where
-a realisation fails without losses, y_j >= 1 where j alone sees some cell that must be seen, and y_ij >= 1 where i and j alone do,
+a realisation fails without losses, y_j >= 1 where j alone sees some cell that must be seen, y_ij >= 1 where i and j alone do,
 
     v + (1 - e^-s) / s * sum_j a_j y_j + sum_ij w_ij y_ij <= 1 - P(S),   a_j = -ln(1 - q_j),   w_ij = q_i q_j (1 - q)^(N - 2)
 
-with s the most that sum_j a_j y_j can be and q the largest chance: the survival of all who cannot be spared is e^-(sum a_j y_j),
-convex, so its chord over [0, s] lies above it; losing just i and j is one more way to fail. A cell with one seer is in the rows
-sum_j (x_j + y_j) + 2 v >= 2, one with two in sum_j (x_j + 2 y_j) + sum_ij y_ij + 3 v >= 3; who sees it even when lost counts fully.
-Where the program's design fails all the same, so does every one that sees nothing more of a few cells that explain it (P grows
-with S): one more row, that somebody else must be sent. So N is either proven too small, or a design is found.
+with s the most that sum_j a_j y_j can be and q the largest chance: all who cannot be spared survive with e^-(sum_j a_j y_j),
+convex, so that its chord over [0, s] lies above it; losing just i and j is one more way to fail. A cell with one seer is in the
+rows sum_j (x_j + y_j) + 2 v >= 2, one with two in sum_j (x_j + 2 y_j) + sum_ij y_ij + 3 v >= 3; who sees it even when lost
+counts fully. Where the program's design fails all the same, so does every one that sees nothing more of a few cells that
+explain it, for P grows with S: one more row, that somebody else must be sent. So N is proven too small, or a design is found.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,20 +36,29 @@ from scipy.optimize import Bounds, LinearConstraint
 from scipy.sparse import coo_array
 
 from swarm_mj.compilation import kernel
-from swarm_mj.designer.exact import FEASIBILITY_TOLERANCE, ExactResult, Waiting, reduce_problem
+from swarm_mj.designer.candidates.pictures import Progress
+from swarm_mj.designer.candidates.visibility import Candidate, Visibility, observers_of
+from swarm_mj.designer.exact import FEASIBILITY_TOLERANCE, Waiting, reduce_problem
 from swarm_mj.designer.problem import CoverProblem, Words, pack, set_weight, weight_table
-from swarm_mj.errors import MissionError, ScenarioError
+from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import observe_flight
+from swarm_mj.flight.plan import make_plan
 from swarm_mj.io import highs, interruption
+from swarm_mj.scenarios.itinerary import arrival_times
+from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.faults.schedule import AT_DEPLOYMENT
 from swarm_mj.typing import Array, Ints, Mask
 
-#: Faults after which a spacecraft sees nothing more. A camera that comes back, and pictures from the deployer, are not counted on.
+#: Faults after which a spacecraft counts as seeing nothing more, though a camera may come back or look out of the deployer.
 LOSSES = ("spacecraft_lost", "camera_off", "missed_deployment")
 #: Spacecraft of which all losses are looked at.
 MOST = 24
 #: Designs of one number that may fall short of the probability on the other seeds before one more is taken.
-MOST_FALLEN = 5
+MOST_REFUSED = 20
+#: Set the seeds of these flights, and the random numbers of losses, apart from others that come from the same seed.
+_FAMILY, _LOSSES = 11, 12
 #: Half the width of a 95 % interval in standard errors.
 INTERVAL = 1.96
 
@@ -227,7 +237,7 @@ class Level(NamedTuple):
         promised: On other seeds where there are any, else the same.
         low: From where its 95 % interval reaches, as the seeds go.
         high: To where.
-        fallen: Designs that kept the probability on the first realisations, but not on the other seeds.
+        refused: Designs that kept the probability on the first realisations, but not on the other seeds.
     """
 
     asked: float
@@ -237,16 +247,12 @@ class Level(NamedTuple):
     promised: float = math.nan
     low: float = math.nan
     high: float = math.nan
-    fallen: int = 0
+    refused: int = 0
 
     @property
     def proven(self) -> bool:
         """Whether no smaller design keeps the probability."""
         return self.points is not None and len(self.points) <= self.bound
-
-
-#: Who judges a design on other seeds: its points, numbered from 1, to its probability in each.
-Check = Callable[[Ints], Array]
 
 
 @dataclass(kw_only=True)
@@ -257,7 +263,7 @@ class RobustSearch:
         realisations: Drawn of all but the losses.
         tolerance_percent: What may be missed of the area [%].
         max_observers: N_max.
-        check: Judges designs on other seeds; None: nothing is left to chance but the losses.
+        others: Realisations of other seeds, which judge; empty: nothing is left to chance but the losses.
         known: Probabilities on the realisations of designs that were judged, by points from 0.
         checked: The same on the other seeds, one number a seed.
         cuts: What is excluded.
@@ -267,7 +273,7 @@ class RobustSearch:
     realisations: Sequence[Realisation]
     tolerance_percent: float
     max_observers: int
-    check: Check | None = None
+    others: Sequence[Sample] = ()
     known: dict[tuple[int, ...], float] = field(default_factory=dict)
     checked: dict[tuple[int, ...], Array] = field(default_factory=dict)
     cuts: list[Cut] = field(default_factory=list)
@@ -285,7 +291,7 @@ class RobustSearch:
 
     @cached_property
     def union(self) -> Sample | None:
-        """All realisations in one where everybody sees what it does in any: the probability is at least as large. None: of one."""
+        """Everybody sees what it does in any of several realisations, so that the probability is at least as large."""
         return union_of(self.realisations, self.tolerance_percent) if len(self.realisations) > 1 else None
 
     @cached_property
@@ -308,34 +314,33 @@ class RobustSearch:
 
     def keeps(self, chosen: Ints, asked: float) -> bool:
         """Whether a design keeps a probability, on the realisations and on the other seeds."""
-        return self.probability(chosen) >= asked and (self.check is None or float(self._judged(chosen).mean()) >= asked)
+        return self.probability(chosen) >= asked and (not self.others or float(self._judged(chosen).mean()) >= asked)
 
     def _judged(self, chosen: Ints) -> Array:
         key = tuple(sorted(int(j) for j in chosen))
         if key not in self.checked:
-            assert self.check is not None
-            self.checked[key] = self.check(np.array(key) + 1)
+            self.checked[key] = np.array([sample.probability(np.array(key)) for sample in self.others])
         return self.checked[key]
 
-    def level(self, asked: float, chosen: Ints | None, bound: int, fallen: int = 0) -> Level:
+    def level(self, asked: float, chosen: Ints | None, bound: int, refused: int = 0) -> Level:
         """What is known of a design for a probability."""
         if chosen is None:
             return Level(asked, None, bound)
         sought = self.probability(chosen)
         promised, half = sought, 0.0
-        if self.check is not None:
+        if self.others:
             each = self._judged(chosen)
             promised = float(each.mean())
             half = INTERVAL * float(each.std(ddof=1)) / math.sqrt(len(each)) if len(each) > 1 else math.nan
         ends = max(promised - half, 0.0), min(promised + half, 1.0)
-        return Level(asked, np.sort(chosen) + 1, bound, sought, promised, *ends, fallen)
+        return Level(asked, np.sort(chosen) + 1, bound, sought, promised, *ends, refused)
 
     def fewest(self, asked: float, time_limit_s: float, waiting: Waiting = None) -> Level:
         """The fewest spacecraft that keep a probability, as far as that is found and proven in time.
 
         After an interruption the greedy design counts, if it keeps the probability on the other seeds too.
         """
-        start, bound, fallen, proven = time.perf_counter(), 1, 0, True
+        start, bound, refused, proven = time.perf_counter(), 1, 0, True
         greedy = self._greedy(asked)
         for n in range(1, self.most + 1):
             left = time_limit_s - (time.perf_counter() - start)
@@ -344,29 +349,50 @@ class RobustSearch:
             if left <= 0.0:
                 break
             if greedy is not None and len(greedy) <= n and self.keeps(greedy, asked):
-                return self.level(asked, greedy, bound, fallen)
-            found, fell = (None, 0) if self.impossible.get(n, 2.0) <= asked else self._at(n, asked, left)
-            fallen += fell
+                return self.level(asked, greedy, bound, refused)
+            found, turned_down = (None, 0) if self.impossible.get(n, 2.0) <= asked else self._at(n, asked, left)
+            refused += turned_down
             if found is not None:
-                return self.level(asked, found, bound, fallen)
+                return self.level(asked, found, bound, refused)
             if self.impossible.get(n, 2.0) <= asked:
                 bound += proven
             else:
                 proven = False
-                if not fell:
+                if not turned_down:
                     break  # the time is up
-        return self.level(asked, self._beyond(greedy, asked), bound, fallen)
+        return self.level(asked, self._beyond(greedy, asked), bound, refused)
 
     def _beyond(self, greedy: Ints | None, asked: float) -> Ints | None:
-        """A greedy design that keeps a probability on the other seeds too, of more than it where need be; None: none was found."""
+        """A greedy design that keeps a probability on the other seeds too, if need be of a higher one; None: none was found."""
         for share in (0.0, 0.5, 0.75):
             found = greedy if share == 0.0 else self._greedy(asked + share * (1.0 - asked))
             if found is not None and self.keeps(found, asked):
                 return found
         return None
 
+    def refusal(self, level: Level, time_limit_s: float) -> str:
+        """Why there is no design for a probability, and what is possible."""
+        asked = f"designer.probability = {level.asked:g}"
+        best = max(self.known, key=self.known.__getitem__, default=())
+        most = f"designs of at most {self.most} spacecraft"
+        if self.most < self.max_observers:
+            most += " (all candidates)" if self.most == self.n_points else " (so many losses are looked at)"
+        known = f"the best known keeps {self.known[best]:.4f} with {len(best)}" if best else "none is known"
+        remedy = (
+            "ask for less, allow more designer.tolerance_percent or more designer.max_observers, or add visiting points"
+        )
+        if self.bound < level.asked:
+            return f"{asked}: all candidates together keep at most {self.bound:.4f}; {known}; {remedy}"
+        if level.bound > self.most:
+            return f"{asked}: {most} are proven not to keep it; {known}; {remedy}"
+        return (
+            f"{asked}: {most} that keep it were not found in designer.time_limit_s = {time_limit_s:g}, nor proven not to exist "
+            f" (at least {level.bound} are needed; {level.refused} kept it on {len(self.realisations)} realisations, "
+            f"but not on the seeds of designer.check_flights); {known}; {remedy}, or allow more time"
+        )
+
     def _greedy(self, asked: float) -> Ints | None:
-        """A design that keeps a probability here: who adds most is added, then who is not needed leaves; None: none was found."""
+        """A design that keeps a probability here: who adds most is added, who is not needed leaves; None: none was found."""
         chosen: list[int] = []
         while not chosen or self.probability(np.array(chosen)) < asked:
             if len(chosen) == self.most:
@@ -385,17 +411,17 @@ class RobustSearch:
         return self.probability(np.array(chosen)), float(times)
 
     def _at(self, n: int, asked: float, time_limit_s: float) -> tuple[Ints | None, int]:
-        """A design of at most n spacecraft, or None and perhaps a proof that there is none; and how many fell on other seeds."""
-        start, fallen = time.perf_counter(), 0
+        """A design of at most n spacecraft, or None and perhaps a proof that there is none; how many other seeds refused."""
+        start, refused = time.perf_counter(), 0
         program = _Program(self.samples, self.union, n, asked)
-        while fallen < MOST_FALLEN:
+        while refused < MOST_REFUSED:
             left = time_limit_s - (time.perf_counter() - start)
             if left <= 0.0:
                 break
             excluded = [cut.within for cut in self.cuts if cut.probability < asked]
             answer = program.solve(excluded, left)
             if answer.status == 2:
-                if not fallen:
+                if not refused:
                     self.impossible[n] = min(self.impossible.get(n, 2.0), asked)
                 break
             if answer.x is None:
@@ -403,12 +429,12 @@ class RobustSearch:
             chosen = np.flatnonzero(np.rint(answer.x[: self.n_points]) > 0.0)
             if self.probability(chosen) >= asked:
                 if self.keeps(chosen, asked):
-                    return chosen, fallen
-                fallen += 1
+                    return chosen, refused
+                refused += 1
                 program.refuse(chosen)
             else:
                 self.cuts.append(self._cut(chosen, asked))
-        return None, fallen
+        return None, refused
 
     def _cut(self, chosen: Ints, asked: float) -> Cut:
         """Who may be added to a design that fails without any help: first all who see no more of the cells that explain it."""
@@ -449,7 +475,7 @@ class _Program:
 
     def __init__(self, samples: Sequence[Sample], union: Sample | None, n: int, asked: float) -> None:
         self._points, self._asked, self._n = len(samples[0].full), asked, n
-        self._entries: list[tuple[Array, Array, Array]] = []
+        self._entries: list[tuple[Ints, Ints, Array]] = []
         self._least: list[float] = []
         self._costs = [np.zeros(self._points)]
         self._add(np.zeros(self._points, np.int64), np.arange(self._points), -np.ones(self._points), [-float(n)])
@@ -494,7 +520,9 @@ class _Program:
         self._add(np.concatenate((c, cells, optional)), np.concatenate((j, np.full(len(cells), v), missed)),
                   np.concatenate((on, np.ones(len(cells) + len(optional)))), [1.0] * len(cells))  # fmt: skip
         if len(optional):
-            self._add(np.zeros(len(optional), np.int64), missed, -sample.shares[optional], [-1.0 - FEASIBILITY_TOLERANCE])
+            self._add(
+                np.zeros(len(optional), np.int64), missed, -sample.shares[optional], [-1.0 - FEASIBILITY_TOLERANCE]
+            )
         must = sample.mandatory[c]
         j, c, gone = j[must], (np.cumsum(sample.mandatory) - 1)[c[must]], ~sample.lost[j[must], c[must]]
         count = int(sample.mandatory.sum())
@@ -536,7 +564,9 @@ class _Program:
         extra_rows = np.repeat(np.arange(len(extra)), [len(one) for one in extra]) + len(self._least)
         where = np.concatenate((rows, extra_rows)), np.concatenate((columns, *extra))
         least = np.concatenate((self._least, np.ones(len(extra))))
-        matrix = coo_array((np.concatenate((values, np.ones(len(extra_rows)))), where), shape=(len(least), len(failing)))
+        matrix = coo_array(
+            (np.concatenate((values, np.ones(len(extra_rows)))), where), shape=(len(least), len(failing))
+        )
         program = {
             "c": failing,
             "constraints": LinearConstraint(matrix.tocsr(), least, np.inf),
@@ -552,3 +582,73 @@ def _pairs(sample: Sample) -> Ints:
     lose = (sample.full & ~sample.lost)[:, sample.mandatory].astype(np.int64)
     likely = sample.chance > 0.0
     return np.argwhere(np.triu((lose @ lose.T > 0) & likely[:, None] & likely, 1))
+
+
+def flights_of(
+    scenario: Scenario, candidates: Sequence[Candidate], seeds: Sequence[int], progress: Progress | None = None
+) -> Iterator[Realisation]:
+    """Fly candidates together as the scenario disperses them, but for its losses: a realisation of each seed.
+
+    The spacecraft do not matter to each other, but where the mothership's velocity is the mean of all.
+    """
+    losses, plan = losses_of(scenario), None
+    changes = {
+        "design.visiting_points": [c.point for c in candidates],
+        "design.observers": observers_of(scenario, candidates),
+    }
+    asked = without_losses(load_scenario(scenario, changes))
+    if asked.observation.criterion == "arrival":
+        asked = _until_arrival(asked)
+    for number, seed in enumerate(seeds):
+        interruption.check()
+        flown = asked.model_copy(update={"seed": seed})
+        if plan is None or asked.dispersions.target_m > 0.0:  # the target's true place is drawn with the plan
+            plan = make_plan(flown, check_separation=False)
+        plan = replace(plan, scenario=flown)
+        seen = observe_flight(plan, simulate(plan)).coverage
+        yield realise(
+            seen.first_seen_by_s[: len(candidates)], seen.area, losses, np.random.default_rng([seed, _LOSSES])
+        )
+        if progress is not None:
+            progress((number + 1) / len(seeds))
+
+
+def _until_arrival(scenario: Scenario) -> Scenario:
+    """The scenario with the pictures of the arrival alone, and without what comes after the last one."""
+    interval_s, last_s = scenario.telemetry.interval_s, max(arrival_times(scenario))
+    observation = scenario.observation.model_copy(
+        update={"interval_s": interval_s * math.ceil(scenario.duration_s / interval_s)}
+    )
+    duration_s = scenario.duration_s if scenario.faults else interval_s * math.ceil(last_s / interval_s - 1e-9)
+    return scenario.model_copy(update={"observation": observation, "duration_s": duration_s})
+
+
+def robust_search(scenario: Scenario, seen: Visibility, progress: Progress | None = None) -> RobustSearch:
+    """The search for a scenario's candidates, once their dispersed flights are flown.
+
+    Raises:
+        ScenarioError: A fault cannot be priced, see `losses_of`.
+        SwarmError: A flight fails.
+    """
+    designer, losses = scenario.designer, losses_of(scenario)
+    if not designer.realisations:
+        at_s = np.array([[c.release_s + c.time_of_flight_s] for c in seen.candidates])
+        rng = np.random.default_rng(scenario.seed)
+        realisations, others = [realise(np.where(seen.sees, at_s, np.nan), seen.area, losses, rng)], []
+    else:
+        count = designer.realisations
+        flights = flights_of(scenario, seen.candidates, _seeds(scenario, count + designer.check_flights), progress)
+        realisations = list(islice(flights, count))
+        others = [Sample(one, designer.tolerance_percent) for one in flights]
+    return RobustSearch(
+        realisations=realisations,
+        tolerance_percent=designer.tolerance_percent,
+        max_observers=designer.max_observers,
+        others=others,
+    )
+
+
+def _seeds(scenario: Scenario, count: int) -> list[int]:
+    """Seeds of flights, other ones than those of campaigns."""
+    state = np.random.SeedSequence(scenario.seed, spawn_key=(_FAMILY,)).generate_state(count, np.uint64)
+    return [int(word >> np.uint64(1)) for word in state]

@@ -5,7 +5,7 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
-from swarm_mj.designer.robust import Loss, Realisation, RobustSearch, realise
+from swarm_mj.designer.robust import Realisation, RobustSearch
 
 
 def random_realisations(seed, *, n=8, cells=12, count=1, partly=False):
