@@ -325,7 +325,7 @@ class RobustSearch:
     def level(self, asked: float, chosen: Ints | None, bound: int, refused: int = 0) -> Level:
         """What is known of a design for a probability."""
         if chosen is None:
-            return Level(asked, None, bound)
+            return Level(asked, None, bound, refused=refused)
         sought = self.probability(chosen)
         promised, half = sought, 0.0
         if self.others:
@@ -526,8 +526,12 @@ class _Program:
         must = sample.mandatory[c]
         j, c, gone = j[must], (np.cumsum(sample.mandatory) - 1)[c[must]], ~sample.lost[j[must], c[must]]
         count = int(sample.mandatory.sum())
-        if weight == 1.0:  # one cell alone is missed with at most 1 - P: so many must see it, if it is not seen even when lost
-            seers = math.ceil(math.log1p(-self._asked) / math.log(max(float(chance.min()), 1e-300)) - FEASIBILITY_TOLERANCE)
+        if (
+            weight == 1.0
+        ):  # one cell alone is missed with at most 1 - P: so many must see it, if it is not seen even when lost
+            seers = math.ceil(
+                math.log1p(-self._asked) / math.log(max(float(chance.min()), 1e-300)) - FEASIBILITY_TOLERANCE
+            )
             self._add(c, j, np.where(gone, 1.0 / max(seers, 1), 1.0), [1.0] * count)
         for least, more in ((2.0, np.empty((2, 0), np.int64)), (3.0, self._shared(sample, pairs))):
             if least == 3.0 and not len(pairs):
