@@ -15,7 +15,7 @@ from scripts.pages import RESULTS
 from scripts.pages.eros_mesh import eros_at
 from swarm_mj.designer.candidates.visibility import visibility
 from swarm_mj.designer.exact import ExactResult, solve_exact
-from swarm_mj.designer.problem import CoverProblem
+from swarm_mj.designer.problem import DesignProblem
 from swarm_mj.designer.study import cover_problem
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import simulate
@@ -78,7 +78,7 @@ def pointing_error_at_arrival(plan: Plan, telemetry: xr.Dataset) -> str:
     return f"{np.degrees(errors.max()):.1e} | {ground:.0f}"
 
 
-def fewest_observers(overrides: Mapping[str, Any]) -> tuple[CoverProblem, ExactResult]:
+def fewest_observers(overrides: Mapping[str, Any]) -> tuple[DesignProblem, ExactResult]:
     """The design problem with the scenario's own camera, and its proven answer."""
     scenario = load_scenario(SCENARIO, overrides)
     problem = cover_problem(scenario, visibility(scenario))

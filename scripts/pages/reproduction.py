@@ -186,8 +186,9 @@ def row(reading: Reading, answer: str) -> str:
 
 def evolution(scenario: Scenario) -> list[str]:
     """What the genetic algorithm finds beside the proof."""
-    problem = cover_problem(scenario, visibility(scenario))
-    name, alone = scenario.name, int((100.0 * (problem.sees @ problem.area) / problem.area.sum() >= 99.9).sum())
+    seen = visibility(scenario)
+    problem = cover_problem(scenario, seen)
+    name, alone = scenario.name, int((100.0 * (seen.sees @ seen.area) / seen.area.sum() >= 99.9).sum())
     proof = f"{solve_exact(problem).n_observers}, proven; {alone} of {problem.n_points} points would do alone"
     lines = [f"| `{name}` | exact solver | - | {proof} | - |"]
     for operators in get_args(Operators):

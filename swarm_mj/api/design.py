@@ -82,7 +82,7 @@ class Design:
 
     @property
     def covered_percent(self) -> float:
-        """Share of the target's area that the selected design sees [%]."""
+        """Share of the target's area that the selected design sees, or maps at the class it was made for [%]."""
         return float(self.record["covered_percent"])
 
     @property
@@ -159,6 +159,9 @@ class Design:
     def to_scenario(self) -> Scenario:
         """The scenario with the selected points, ready for `swarm_mj.fly`; it names the design's record where that is saved."""
         overrides = design_overrides({"observers": [], **self.record})
+        classes, asked = self._scenario.observation.classes, self._scenario.designed_class
+        if asked is not None and asked not in classes:
+            overrides["observation.classes"] = [each.model_dump() for each in (*classes, asked)]
         if self.folder is not None:
             overrides["design.reference"] = (self.folder / "design.json").resolve()
         return self.scenario.changed(overrides)
@@ -229,6 +232,7 @@ def design(
     pareto: bool = False,
     compare: bool = False,
     verify: int | None = None,
+    quality_class: str | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     figures: bool = True,
@@ -246,6 +250,7 @@ def design(
         compare: Whether to find the minimum under demands and freedoms beyond the paper too.
         verify: So many flights of the design with other seeds, which are kept in the folder and go on where they were
             interrupted, show whether the probability asked for was promised rightly; None: none.
+        quality_class: At which class a face must be mapped to count, see `designer.quality_class`; None: as the scenario says.
         workers: Processes for the candidates' pictures; None: one per core.
         scheduler: Address of a Dask cluster's scheduler whose workers fly and judge the candidates instead, e.g.
             tcp://host:8786; evolution and proof run here.
@@ -259,7 +264,8 @@ def design(
             and a finished one stands in its folder.
         SwarmError: The scenario cannot be flown or the folder cannot be written.
     """
-    scenario = load(scenario, overrides)
+    asked = {} if quality_class is None else {"designer.quality_class": quality_class}
+    scenario = load(scenario, {**overrides, **asked})
     check_plugins(scenario)
     check_workers(workers)
     if verify is not None and (out is None or scenario.designer.probability is None):

@@ -6,7 +6,7 @@ import argparse
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from swarm_mj.cli.common import (
     DEFAULT_OUT,
@@ -22,6 +22,9 @@ from swarm_mj.cli.common import (
 )
 from swarm_mj.errors import OutputError
 from swarm_mj.figures.drawing import prepare_drawing
+
+if TYPE_CHECKING:
+    from swarm_mj.scenarios.schema import Scenario
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -67,6 +70,12 @@ def add(commands: argparse._SubParsersAction) -> None:
     add_scenario(design)
     design.add_argument("--out", type=Path, metavar="DIR", help=f"result folder (default: {DEFAULT_OUT}/NAME-design)")
     design.add_argument("--fold", type=int, metavar="K", help="every face must be seen by at least K spacecraft")
+    design.add_argument(
+        "--class",
+        dest="quality_class",
+        metavar="NAME",
+        help="a face counts where the pictures of all together map it at this quality class, e.g. stereo",
+    )
     design.add_argument(
         "--deliver-within",
         type=float,
@@ -155,6 +164,8 @@ def _design(arguments: argparse.Namespace) -> int:
         overrides["designer.deliver_within_h"] = arguments.deliver_within
     if arguments.probability is not None:
         overrides["designer.probability"] = arguments.probability
+    if arguments.quality_class is not None:
+        overrides["designer.quality_class"] = arguments.quality_class
     scenario = load(arguments.scenario, overrides)
     folder = arguments.out or DEFAULT_OUT / f"{scenario.name}-design"
     with bars_for(arguments) as bars:
@@ -176,13 +187,16 @@ def _design(arguments: argparse.Namespace) -> int:
         show_table(bars.console, certainty_table(found.record))
     if arguments.compare:
         show_table(bars.console, growth_table(found.compared))
-    tell(bars.console, f"{scenario.name}: files in {folder}", _hint(arguments, folder))
+    tell(bars.console, f"{scenario.name}: files in {folder}", _hint(arguments, folder, scenario))
     return 0
 
 
-def _hint(arguments: argparse.Namespace, folder: Path) -> str:
-    """How to fly the design."""
-    asked = shlex.join([arguments.scenario, *(word for text in arguments.overrides for word in ("--set", text))])
+def _hint(arguments: argparse.Namespace, folder: Path, scenario: Scenario) -> str:
+    """How to fly the design, and have its class told."""
+    overrides, designed = list(arguments.overrides), scenario.designed_class
+    if designed is not None and not scenario.observation.classes:
+        overrides.append(f"observation.classes=[{designed.name}]")
+    asked = shlex.join([arguments.scenario, *(word for text in overrides for word in ("--set", text))])
     return f"To fly it: swarm-mj fly {asked} --design {shlex.quote(str(folder / 'design.json'))}"
 
 

@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from swarm_mj.cli.common import narrowest
-from swarm_mj.observation.coverage import percent_digits, rounded_up_digits
+from swarm_mj.observation.coverage import percent_digits, percent_text, rounded_up_digits
 from swarm_mj.records.observed import causes_text, criterion_text, mapped_texts
 from swarm_mj.records.summary import working
 
@@ -150,8 +150,8 @@ def design_table(record: dict[str, Any]) -> Table:
         )
     table.caption = (
         f"{_gap_words(record)}; selected: {_observers(record['n_observers'])} by the {record['selected_by']}. Criterion: "
-        f"{record['criterion']['criterion']}, {record['camera']['half_angle_deg']:g} deg half-angle{_arrival_words(record)}"
-        f"{_release_words(record)}"
+        f"{record['criterion']['criterion']}, {record['camera']['half_angle_deg']:g} deg half-angle{_class_words(record)}"
+        f"{_arrival_words(record)}{_release_words(record)}"
     )
     return table
 
@@ -164,6 +164,15 @@ def _release_words(record: dict[str, Any]) -> str:
         words += f". {fast} of {record['n_observers']} leave at up to {max(record['delta_v_m_s']):.3g} m/s, beyond "
         words += f"mothership.deployer.max_speed_m_s = {record['deployer_max_speed_m_s']:g}"
     return words
+
+
+def _class_words(record: dict[str, Any]) -> str:
+    """Which quality class P_TO is of, and what nobody maps and why; empty without one."""
+    if (asked := record.get("quality_class")) is None:
+        return ""
+    causes = ", ".join(f"{share:.3g} % {words}" for words, share in record["not_mappable"].items())
+    words = f". P_TO is what is mapped at class {asked['name']}; seen at all: {percent_text(record['seen_percent'])}"
+    return f"{words}; no set of candidates maps {causes}" if causes else words
 
 
 def _arrival_words(record: dict[str, Any]) -> str:

@@ -31,8 +31,9 @@ from swarm_mj.dataflow.ground import stations_from
 from swarm_mj.dataflow.link_budget import rate_at, rate_table
 from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.designer.candidates.flights import CandidateFlights, at_points
-from swarm_mj.designer.exact import Cut, ExactResult, Waiting, reduce_problem, solve_cut, solve_exact
+from swarm_mj.designer.exact import Cut, ExactResult, Waiting, solve_cut, solve_exact
 from swarm_mj.designer.problem import CoverProblem
+from swarm_mj.designer.reduction import reduce_problem
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.downlink import MOST_LINKS, deliver, frame_pixels, slot_edges
 from swarm_mj.flight.fly import simulate

@@ -2,13 +2,18 @@
 
 With x_p = 1 where point p is visited and m_c = 1 where cell c of the target is missed,
 
-    minimise sum_p x_p   subject to   sum_{p sees c} x_p + k m_c >= k,   sum_c area_c m_c <= tolerance
+    minimise sum_p x_p   subject to   rows a . x + b m_c >= b,   sum_c area_c m_c <= tolerance
 
-which is set cover with a knapsack of permitted gaps; points that are avoided count a little more than 1. The matrix is reduced
-first (`reduce_problem`), so that only cells smaller than the tolerance have an m_c. HiGHS works to a relative accuracy of about
-1e-6 and may let a gap pass that is larger than the tolerance by that much: every answer is checked in whole units of area, and
-where it misses too much, that set of missed cells is forbidden and the program solved again. Each program allows at least what
-the problem allows, so its bound is a bound.
+where the rows say what covers a cell (`relaxation`), sum_{p sees c} x_p + k m_c >= k where k must see it; points that are
+avoided count a little more than 1. The problem is reduced first (`reduction`), so that only cells smaller than the tolerance
+have an m_c. HiGHS works to a relative accuracy of about 1e-6 and may let a gap pass that is larger than the tolerance by that
+much, and not all rows of a quality class, or of a large problem, are there from the start: every answer is checked in whole
+units of area. Where it misses too much, rows that it breaks are added, or, where it breaks none, that set of missed cells is
+forbidden, and the program is solved again. Each program allows at least what the problem allows, so its bound is a bound.
+
+Large problems and quality classes start warm: a greedy design, the Lagrangian bound with whose reduced costs points are fixed
+that no better design visits, and linear relaxations to which broken rows are added until none is left. The program then asks
+for a better design than the best known: that there is none is its proof.
 """
 
 from __future__ import annotations
@@ -21,18 +26,34 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import Bounds, LinearConstraint
-from scipy.sparse import coo_array, csr_array, eye_array, hstack, vstack
+from scipy.sparse import coo_array, csr_array, hstack, vstack
 
-from swarm_mj.compilation import kernel
-from swarm_mj.designer.problem import CoverProblem, Words, is_subset, pack
+from swarm_mj.designer.problem import DesignProblem
+from swarm_mj.designer.reduction import ReducedProblem, cells_of, reduce_problem
+from swarm_mj.designer.relaxation import BROKEN, Rows, climb, reduced_costs, rows_of, violated
 from swarm_mj.designer.repair import repair_designs
+from swarm_mj.designer.requirements import COUNT, completed, first_gains, fulfilled, pruned
 from swarm_mj.errors import MissionError
 from swarm_mj.io import highs
 from swarm_mj.observation.coverage import rounded_up_digits
-from swarm_mj.typing import Array, Ints, Mask
+from swarm_mj.typing import Array, Ints
 
 #: HiGHS accepts constraints violated by this much; the tolerance is loosened by it so that no true design is lost.
 FEASIBILITY_TOLERANCE = 1e-6
+#: Contributions of points to cells with which HiGHS is given all rows at once, without a warm start.
+AT_ONCE_MOST = 30_000
+#: Steps along subgradients between two greedy designs, and how often; they end where the length of a step is below the least.
+CLIMB, CLIMBS, LEAST_STEP = 50, 40, 1e-4
+#: Shares of the time limit after which the bound climbs no more, and linear relaxations end.
+CLIMB_SHARE, SEARCH_SHARE, RELAX_SHARE = 0.25, 0.4, 0.7
+#: How often a part of the best design is dropped and completed again.
+SEARCHES = 1000
+#: Rows of the start added at one go, the most broken ones.
+ROWS_AT_ONCE = 2000
+#: Rows of the start that a large problem's relaxation begins with, those of the largest multipliers.
+ROWS_PER_POINT = 2
+#: Relaxations in a row that may add rows without raising the bound.
+PATIENCE = 3
 
 Waiting = Callable[[float], None] | None
 
@@ -74,7 +95,7 @@ class ExactResult(NamedTuple):
     seconds: float
 
 
-def solve_exact(problem: CoverProblem, time_limit_s: float | None = None, waiting: Waiting = None) -> ExactResult:
+def solve_exact(problem: DesignProblem, time_limit_s: float | None = None, waiting: Waiting = None) -> ExactResult:
     """The fewest spacecraft that cover the target, with proof.
 
     Args:
@@ -101,7 +122,7 @@ def solve_exact(problem: CoverProblem, time_limit_s: float | None = None, waitin
 
 
 def solve_cut(
-    problem: CoverProblem, reduced: ReducedProblem, cuts: Sequence[Cut], time_limit_s: float, waiting: Waiting
+    problem: DesignProblem, reduced: ReducedProblem, cuts: Sequence[Cut], time_limit_s: float, waiting: Waiting
 ) -> ExactResult | None:
     """The fewest spacecraft that cover the target and keep some cuts, with proof; None where that is proven impossible.
 
@@ -122,7 +143,7 @@ def solve_cut(
     return _result(problem, points, least, proven or len(points) == least, start)
 
 
-def without_proof(problem: CoverProblem, points: Ints | None) -> ExactResult:
+def without_proof(problem: DesignProblem, points: Ints | None) -> ExactResult:
     """What is known when the proof was interrupted: a design, and the least number that the areas allow.
 
     Args:
@@ -135,12 +156,11 @@ def without_proof(problem: CoverProblem, points: Ints | None) -> ExactResult:
     start = time.perf_counter()
     if points is None:
         points = _fallback(problem, 0.0, problem.max_observers)
-    largest = int((problem.sees @ problem.weights).max())
-    least = math.ceil(problem.fold * (problem.total_weight - problem.slack) / max(largest, 1))
+    least = math.ceil((problem.total_weight - problem.slack) / max(problem.largest_view, 1.0))
     return _result(problem, points, float(max(least, 1)), False, start)._replace(status="interrupted")
 
 
-def solve_budget(problem: CoverProblem, n_observers: int, time_limit_s: float | None = None) -> ExactResult:
+def solve_budget(problem: DesignProblem, n_observers: int, time_limit_s: float | None = None) -> ExactResult:
     """The largest area that `n_observers` spacecraft can cover, with proof; the tolerance plays no part.
 
     Args:
@@ -154,81 +174,291 @@ def solve_budget(problem: CoverProblem, n_observers: int, time_limit_s: float | 
     start = time.perf_counter()
     if n_observers < 1:
         raise MissionError(f"n_observers = {n_observers}: must be at least 1")
-    sees, weights = merge_cells(problem)
-    n_points, n_cells = sees.shape
-    percent = 100.0 * weights / problem.total_weight
-    seen = csr_array(sees.T.astype(np.float64))
-    constraints = [
-        LinearConstraint(hstack([seen, -problem.fold * eye_array(n_cells)], format="csr"), 0.0, np.inf),
-        LinearConstraint(np.concatenate([np.ones(n_points), np.zeros(n_cells)])[None, :], 1.0, n_observers),
-    ]
-    answer = _milp(np.concatenate([np.zeros(n_points), -percent]), constraints, time_limit_s)
-    if answer.x is None:
-        raise MissionError(f"nothing was found in {time_limit_s} s: allow more time")
-    points = _without_idle(problem, _visits(answer.x[:n_points], np.arange(n_points)))
-    bound = max(min(100.0, -float(answer.mip_dual_bound)), problem.covered_percent(points))
+    cells = cells_of(problem)
+    n_points, n_cells = problem.n_points, len(cells.weights)
+    percent, rows = 100.0 * cells.weights / problem.total_weight, rows_of(cells.asked)
+    few = np.concatenate([np.ones(n_points), np.zeros(n_cells)])[None, :]
+    while True:
+        gaps = coo_array((rows.need, (np.arange(len(rows.need)), rows.cell)), shape=(len(rows.need), n_cells))
+        constraints = [
+            LinearConstraint(hstack([rows.matrix, gaps], format="csr"), rows.need, np.inf),
+            LinearConstraint(few, 1.0, n_observers),
+        ]
+        left = None if time_limit_s is None else max(time_limit_s - (time.perf_counter() - start), 0.0)
+        answer = _milp(np.concatenate([np.zeros(n_points), percent]), constraints, left)
+        if answer.x is None:
+            raise MissionError(f"nothing was found in {time_limit_s} s: allow more time")
+        x, missed = np.rint(answer.x[:n_points]), np.rint(answer.x[n_points:])
+        new = violated(cells.asked, x, missed)
+        if answer.status != 0 or not len(new.need):
+            break
+        rows = rows.joined(new)
+    points = _without_idle(problem, np.flatnonzero(x) + 1)
+    bound = max(min(100.0, problem.coverable_percent - float(answer.mip_dual_bound)), problem.covered_percent(points))
     return _result(problem, points, bound, answer.status == 0, start)
 
 
 def _covered(
-    problem: CoverProblem, reduced: ReducedProblem, cuts: Sequence[Cut], time_limit_s: float | None, waiting: Waiting
+    problem: DesignProblem, reduced: ReducedProblem, cuts: Sequence[Cut], time_limit_s: float | None, waiting: Waiting
 ) -> tuple[Ints, float, bool]:
     """Smallest cover as (points from 1, lower bound of their number, whether the points attain it)."""
-    start = time.perf_counter()
-    forbidden: list[Ints] = []
-    while True:
-        left = None if time_limit_s is None else max(time_limit_s - (time.perf_counter() - start), 0.0)
-        answer = _solve_cover(problem, reduced, cuts, forbidden, left, waiting)
-        if answer.status == 2:
-            raise NoDesignError("no design that is allowed covers the target")
-        if answer.status not in (0, 1):
-            raise MissionError(f"HiGHS could not solve the problem: {answer.message}")
-        # Each spacecraft counts at most 1 + `_price`.
-        bound = max(float(answer.mip_dual_bound or 0.0), 0.0) / (1.0 + _price(problem) * problem.avoided.any())
-        if answer.x is None:
-            return _fallback(problem, time_limit_s, problem.max_observers if cuts else problem.n_points), bound, False
-        points, proven = _visits(answer.x[: len(reduced.points)], reduced.points), answer.status == 0
-        if problem.is_enough(problem.covered_weight(points)):
-            return points, float(len(points)) if proven else bound, proven
-        forbidden.append(_missed(problem, reduced, points))
+    program = _Program(problem, reduced, cuts, time_limit_s, waiting)
+    if program.starts_warm:
+        program.start()
+    points, proven = program.prove()
+    bound = program.bound / (1.0 + _price(problem) * problem.avoided.any())  # each spacecraft counts at most so much
+    if points is None:
+        return _fallback(problem, time_limit_s, problem.max_observers if cuts else problem.n_points), bound, False
+    return points, float(len(points)) if proven else bound, proven
 
 
-def _solve_cover(
-    problem: CoverProblem,
-    reduced: ReducedProblem,
-    cuts: Sequence[Cut],
-    forbidden: list[Ints],
-    time_limit_s: float | None,
-    waiting: Waiting,
-) -> Any:
-    """One program; `forbidden` holds sets of optional cells that together exceed the tolerance."""
-    n_points, optional = len(reduced.points), np.flatnonzero(~reduced.mandatory)
-    n_gaps, k = len(optional), problem.fold
-    pick = coo_array((np.full(n_gaps, float(k)), (optional, np.arange(n_gaps))), shape=(len(reduced.weights), n_gaps))
-    covers = hstack([csr_array(reduced.sees.T.astype(np.float64)), pick], format="csr")
-    constraints = [LinearConstraint(covers, k, np.inf)]
-    if n_gaps:
-        shares = np.concatenate([np.zeros(n_points), reduced.weights[optional] / max(reduced.slack, 1)])
-        constraints.append(LinearConstraint(shares[None, :], -np.inf, 1.0 + FEASIBILITY_TOLERANCE))
-    if forbidden:
-        missed = np.zeros((len(forbidden), n_points + n_gaps))
-        for row, cells in zip(missed, forbidden, strict=True):
-            row[n_points + cells] = 1.0
-        constraints.append(LinearConstraint(missed, -np.inf, [len(cells) - 1.0 for cells in forbidden]))
-    if cuts:
-        rows = np.hstack([np.stack([cut.factor for cut in cuts])[:, reduced.points], np.zeros((len(cuts), n_gaps))])
-        constraints.append(LinearConstraint(rows, [cut.least for cut in cuts], np.inf))
-    objective = np.concatenate([1.0 + _price(problem) * problem.avoided[reduced.points], np.zeros(n_gaps)])
-    return _milp(objective, constraints, time_limit_s, waiting)
+class _Program:
+    """The program of a reduced problem, its rows so far and what is known of its answer.
+
+    Attributes:
+        bound: No design costs less.
+        best: The cheapest design known, by places in `reduced.points`; None: none.
+    """
+
+    def __init__(
+        self,
+        problem: DesignProblem,
+        reduced: ReducedProblem,
+        cuts: Sequence[Cut],
+        time_limit_s: float | None,
+        waiting: Waiting,
+    ) -> None:
+        self.problem, self.reduced, self.cuts, self.waiting = problem, reduced, cuts, waiting
+        self.begun, self.time_limit_s = time.perf_counter(), time_limit_s
+        self.cost: Array = np.asarray(1.0 + _price(problem) * problem.avoided[reduced.points], np.float64)
+        self.step = _price(problem) if problem.avoided.any() else 1.0  # least difference between two designs' costs
+        self.rows, self.bound = rows_of(reduced.asked), 0.0
+        self.active = np.ones(len(self.rows.need), np.bool_)
+        self.found = self.rows.of(np.zeros(0, np.int64))
+        self.forbidden: list[Ints] = []
+        self.excluded = np.zeros(len(reduced.points), np.bool_)
+        self.best: Ints | None = None
+
+    @property
+    def starts_warm(self) -> bool:
+        """Whether HiGHS is not given everything at once."""
+        simple = bool((self.reduced.asked.kind == COUNT).all()) and self.rows.matrix.nnz <= AT_ONCE_MOST
+        return not (simple or self.cuts)
+
+    def left(self, share: float = 1.0) -> float | None:
+        """Time until so much of the limit is used up [s]; None: no limit."""
+        if self.time_limit_s is None:
+            return None
+        return max(share * self.time_limit_s - (time.perf_counter() - self.begun), 0.0)
+
+    @property
+    def upper(self) -> float:
+        """Cost of the best design known."""
+        return math.inf if self.best is None else float(self.cost[self.best].sum())
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether no design costs less than the best known."""
+        return self.bound > self.upper - self.step + FEASIBILITY_TOLERANCE * self.step
+
+    def start(self) -> None:
+        """Greedy designs, the Lagrangian bound, fixed points and the rows that matter, and linear relaxations."""
+        self.gains = np.asarray(first_gains(self.reduced.asked))
+        self.improve(np.empty(0, np.int64), np.zeros(len(self.cost)))
+        self.climb()
+        self.search()
+        if not self.is_closed:
+            self.relax()
+
+    def improve(self, points: Ints, noise: Array) -> None:
+        """Complete some points greedily, prune them, and keep what comes out where it costs less than the best known."""
+        asked, weights = self.reduced.asked, self.reduced.weights
+        enough = int(weights.sum()) - self.reduced.slack
+        found, covered = completed(asked, weights, self.gains, points, len(self.cost), enough, noise)
+        if covered < enough:
+            return
+        for order in (np.arange(len(found)), np.argsort(self.gains[found]), np.argsort(-noise[found])):
+            design = pruned(asked, weights, found, enough, order)
+            if self.cost[design].sum() < self.upper + 0.5 * self.step:
+                self.best = design
+
+    def search(self) -> None:
+        """Drop a part of the best design at random and complete it again, many times."""
+        rng, count = np.random.default_rng(0), 0
+        while self.best is not None and not self.is_closed and count < SEARCHES and self.left(SEARCH_SHARE) != 0.0:
+            kept = self.best[rng.random(len(self.best)) > rng.uniform(0.1, 0.5)]
+            self.improve(kept, rng.uniform(0.0, 0.5) * rng.random(len(self.cost)))
+            count += 1
+
+    def climb(self) -> None:
+        """Raise the bound along subgradients; exclude points; keep the rows that weigh in it."""
+        rows, reduced = self.rows, self.reduced
+        table = (rows.matrix.indptr.astype(np.int64), rows.matrix.indices.astype(np.int64), rows.matrix.data, rows.need)
+        size = np.maximum(np.bincount(table[1], table[2], len(self.cost)), 1.0)
+        price = np.minimum.reduceat(np.append((self.cost / size)[table[1]], np.inf), table[0][:-1])
+        u: Array = np.where(np.diff(table[0]) > 0, price, 0.0)
+        step, best = 1.0, np.zeros_like(u)
+        for _ in range(CLIMBS):
+            bound, now, step = climb(
+                *table, rows.cell, reduced.weights, reduced.mandatory, reduced.slack, self.cost, self._goal, u, step, CLIMB
+            )  # fmt: skip
+            if bound > self.bound:
+                self.bound, best = float(bound), now
+            u = now.copy()
+            dear = reduced_costs(rows, self.cost, now)
+            self.exclude(dear, bound)
+            self.improve(np.empty(0, np.int64), np.clip(dear, 0.0, 0.95))  # who is too dear is blurred
+            if self.waiting is not None:
+                self.waiting(time.perf_counter() - self.begun)
+            if self.is_closed or step < LEAST_STEP or self.left(CLIMB_SHARE) == 0.0:
+                break
+        if rows.matrix.nnz > AT_ONCE_MOST:
+            heaviest = np.argsort(-best, kind="stable")[: ROWS_PER_POINT * len(self.cost)]
+            self.active = np.isin(np.arange(len(best)), heaviest[best[heaviest] > 0.0])
+
+    @property
+    def _goal(self) -> float:
+        return self.upper if self.best is not None else float(len(self.cost))
+
+    def exclude(self, reduced_cost: Array, bound: float) -> None:
+        """Exclude the points that no design better than the best known visits."""
+        self.excluded |= bound + np.maximum(reduced_cost, 0.0) > self.upper - self.step + FEASIBILITY_TOLERANCE
+
+    def relax(self) -> None:
+        """Solve linear relaxations, adding broken rows, until none is broken or half of the time is up."""
+        stale = 0
+        while not self.is_closed and stale < PATIENCE:
+            answer = self.solve(self.left(RELAX_SHARE), whole=False)
+            if answer.x is None:
+                if answer.status == 2:
+                    self.bound = self.upper  # of what is not excluded nothing covers the target
+                return
+            stale = 0 if answer.fun > self.bound + 1e-4 else stale + 1
+            self.bound = max(self.bound, float(answer.fun))
+            x, missed = self.parts(answer.x)
+            self.improve(np.empty(0, np.int64), 0.9 * (1.0 - x))
+            if not self.broken(x, missed) or self.left(RELAX_SHARE) == 0.0:
+                return
+
+    def broken(self, x: Array, missed: Array) -> bool:
+        """Add rows that points and missed cells break; whether there are any."""
+        short = np.where(self.active, 0.0, self.rows.shortfall(x, missed))
+        worst = np.argsort(-short)[:ROWS_AT_ONCE]
+        worst = worst[short[worst] > BROKEN]
+        self.active[worst] = True
+        new = violated(self.reduced.asked, x, missed)
+        self.found = self.found.joined(new)
+        return bool(len(worst) or len(new.need))
+
+    def prove(self) -> tuple[Ints | None, bool]:
+        """Solve programs until the best design is proven or the time is up: its points from 1, and whether it is."""
+        while not self.is_closed:
+            answer = self.solve(self.left())
+            if answer.status == 2:
+                if self.best is None:
+                    raise NoDesignError("no design that is allowed covers the target")
+                break
+            if answer.status not in (0, 1):
+                raise MissionError(f"HiGHS could not solve the problem: {answer.message}")
+            self.bound = max(self.bound, min(float(answer.mip_dual_bound or 0.0), self.upper))
+            if answer.x is None:
+                return self.best_points, False
+            x, missed = self.parts(np.rint(answer.x))
+            points = np.flatnonzero(x)
+            if self.problem.is_enough(self.problem.covered_weight(self.reduced.points[points] + 1)):
+                if self.cost[points].sum() < self.upper:
+                    self.best = points
+                return self.best_points, answer.status == 0
+            if self.starts_warm:
+                self.improve(points, np.zeros(len(x)))
+            if answer.status == 1:
+                return self.best_points, self.is_closed
+            self.forbid(x, missed)
+        return self.best_points, True
+
+    @property
+    def best_points(self) -> Ints | None:
+        """The best design known, numbered from 1."""
+        return None if self.best is None else self.reduced.points[self.best] + 1
+
+    def forbid(self, x: Array, missed: Array) -> None:
+        """Add what a whole design breaks: rows, or else the set of cells that it misses, which is larger than allowed."""
+        asked, weights = self.reduced.asked, self.reduced.weights
+        uncovered = fulfilled(asked, np.flatnonzero(x), len(weights)) > 0
+        if not (uncovered & (missed < 0.5)).any() or not self.broken(x, missed):
+            self.forbidden.append(np.flatnonzero(uncovered & ~self.reduced.mandatory))
+
+    @property
+    def model(self) -> Rows:
+        """The rows so far."""
+        return (self.rows if self.active.all() else self.rows.of(self.active)).joined(self.found)
+
+    def parts(self, solution: Array) -> tuple[Array, Array]:
+        """What is visited and how far each cell is missed, of all points and cells."""
+        n, missed = len(self.cost), np.zeros(len(self.reduced.weights))
+        missed[self.optional] = solution[n:]
+        return solution[:n], missed
+
+    def solve(self, time_limit_s: float | None, *, whole: bool = True) -> Any:
+        """Solve the program with the rows so far, in whole numbers or not."""
+        reduced, rows = self.reduced, self.model
+        named = np.zeros(len(reduced.weights), np.bool_)
+        named[rows.cell] = True
+        for cells in self.forbidden:
+            named[cells] = True
+        self.optional = np.flatnonzero(named & ~reduced.mandatory)
+        number = np.full(len(reduced.weights), -1)
+        number[self.optional] = np.arange(len(self.optional))
+        constraints = [*self._rows(rows, number), *self._limits(number)]
+        most = np.concatenate([np.where(self.excluded, 0.0, 1.0), np.ones(len(self.optional))])
+        return _milp(self._objective(), constraints, time_limit_s, self.waiting, most=most, whole=whole)
+
+    def _objective(self) -> Array:
+        return np.concatenate([self.cost, np.zeros(len(self.optional))])
+
+    def _rows(self, rows: Rows, number: Ints) -> list[LinearConstraint]:
+        gaps = np.flatnonzero(number[rows.cell] >= 0)
+        place = (gaps, number[rows.cell[gaps]])
+        pick = coo_array((rows.need[gaps], place), shape=(len(rows.need), len(self.optional)))
+        return [LinearConstraint(hstack([rows.matrix, pick], format="csr"), rows.need, np.inf)]
+
+    def _limits(self, number: Ints) -> list[LinearConstraint]:
+        """The tolerance, what is forbidden, cuts, and a lower cost than that of the best design known."""
+        reduced, n_points, n_gaps = self.reduced, len(self.cost), len(self.optional)
+        found = []
+        if n_gaps:
+            shares = np.concatenate([np.zeros(n_points), reduced.weights[self.optional] / max(reduced.slack, 1)])
+            found.append(LinearConstraint(shares[None, :], -np.inf, 1.0 + FEASIBILITY_TOLERANCE))
+        if self.forbidden:
+            missed = np.zeros((len(self.forbidden), n_points + n_gaps))
+            for row, cells in zip(missed, self.forbidden, strict=True):
+                row[n_points + number[cells]] = 1.0
+            found.append(LinearConstraint(missed, -np.inf, [len(cells) - 1.0 for cells in self.forbidden]))
+        if self.cuts:
+            factors = np.stack([cut.factor for cut in self.cuts])[:, reduced.points]
+            rows = np.hstack([factors, np.zeros((len(self.cuts), n_gaps))])
+            found.append(LinearConstraint(rows, [cut.least for cut in self.cuts], np.inf))
+        if self.best is not None:
+            cheaper = self.upper - self.step * (1.0 - FEASIBILITY_TOLERANCE)
+            found.append(LinearConstraint(self._objective()[None, :], -np.inf, cheaper))
+        return found
 
 
-def _price(problem: CoverProblem) -> float:
+def _price(problem: DesignProblem) -> float:
     """What an avoided point costs beside 1: all of them together less than one more spacecraft."""
     return 1.0 / (problem.n_points + 1.0)
 
 
-def _milp(objective: Array, constraints: list[Any], time_limit_s: float | None, waiting: Waiting = None) -> Any:
-    """HiGHS on numbers that are 0 or 1, run until proven or as far as the time allows."""
+def _milp(
+    objective: Array,
+    constraints: list[LinearConstraint],
+    time_limit_s: float | None,
+    waiting: Waiting = None,
+    *,
+    most: Array | float = 1.0,
+    whole: bool = True,
+) -> Any:
+    """HiGHS on numbers from 0 to `most`, whole ones or not, run until proven or as far as the time allows."""
     joined = LinearConstraint(
         vstack([csr_array(c.A) for c in constraints], format="csr"),
         np.concatenate([np.broadcast_to(c.lb, c.A.shape[0]) for c in constraints]),
@@ -237,25 +467,14 @@ def _milp(objective: Array, constraints: list[Any], time_limit_s: float | None, 
     program = {
         "c": objective,
         "constraints": joined,
-        "bounds": Bounds(0.0, 1.0),
-        "integrality": np.ones(len(objective)),
+        "bounds": Bounds(0.0, np.broadcast_to(most, objective.shape)),
+        "integrality": np.full(len(objective), int(whole)),
         "options": {"mip_rel_gap": 0.0},
     }
     return highs.solve(program, time_limit_s, waiting)
 
 
-def _visits(x: Array, points: Ints) -> Ints:
-    """List of points, numbered from 1, of those that are visited."""
-    return points[np.rint(x) > 0.0] + 1
-
-
-def _missed(problem: CoverProblem, reduced: ReducedProblem, points: Ints) -> Ints:
-    """Places, among the optional cells, of those that a design misses."""
-    visits = np.bincount(points - 1, minlength=problem.n_points)[reduced.points]
-    return np.flatnonzero((visits @ reduced.sees < problem.fold)[~reduced.mandatory])
-
-
-def _without_idle(problem: CoverProblem, points: Ints) -> Ints:
+def _without_idle(problem: DesignProblem, points: Ints) -> Ints:
     """The same cover without visits that add nothing; one is kept."""
     whole = problem.covered_weight(points)
     for point in points.tolist():
@@ -265,7 +484,7 @@ def _without_idle(problem: CoverProblem, points: Ints) -> Ints:
     return points
 
 
-def _fallback(problem: CoverProblem, time_limit_s: float | None, most: int) -> Ints:
+def _fallback(problem: DesignProblem, time_limit_s: float | None, most: int) -> Ints:
     """A greedy design of at most so many, for when the time is up before HiGHS has any."""
     roomy = replace(problem, max_observers=most)
     design = repair_designs(roomy, np.ones((1, 1 + most), dtype=np.int64), np.zeros((1, problem.n_points)))[0]
@@ -275,108 +494,15 @@ def _fallback(problem: CoverProblem, time_limit_s: float | None, most: int) -> I
     return points
 
 
-def _result(problem: CoverProblem, points: Ints, bound: float, proven: bool, start: float) -> ExactResult:
+def _result(problem: DesignProblem, points: Ints, bound: float, proven: bool, start: float) -> ExactResult:
     status, seconds = "optimal" if proven else "time limit", time.perf_counter() - start
     return ExactResult(len(points), np.sort(points), problem.covered_percent(points), bound, status, seconds)
 
 
-def _too_few(problem: CoverProblem, least: str, time_limit_s: float | None) -> str:
+def _too_few(problem: DesignProblem, least: str, time_limit_s: float | None) -> str:
     most = solve_budget(problem, problem.max_observers, time_limit_s)
-    times = "" if problem.fold == 1 else f" {problem.fold} times"
     return (
         f"max_observers = {problem.max_observers} is too small: so many spacecraft see at most "
-        f"{rounded_up_digits(most.bound)} % of the target's area{times}; {least} are needed for "
+        f"{rounded_up_digits(most.bound)} % of the target's area{problem.times}; {least} are needed for "
         f"{100.0 - problem.tolerance_percent:g} %"
     )
-
-
-class ReducedProblem(NamedTuple):
-    """What is left to decide.
-
-    Attributes:
-        points: The points kept, numbered from 0, shape (n,).
-        sees: Who sees which cell, shape (n, n_cells).
-        weights: Area of each cell in units of `AREA_UNITS`, shape (n_cells,).
-        mandatory: Whether a cell must be covered, shape (n_cells,).
-        slack: Weight of the cells that may be missed.
-    """
-
-    points: Ints
-    sees: Mask
-    weights: Ints
-    mandatory: Mask
-    slack: int
-
-
-def merge_cells(problem: CoverProblem) -> tuple[Mask, Ints]:
-    """Steps 1 and 2: coverable cells as (sees, shape (n_points, n_cells); weights, shape (n_cells,))."""
-    coverable = problem.coverable
-    seers = pack(problem.sees.T[coverable])
-    _, first, cell = np.unique(seers, axis=0, return_index=True, return_inverse=True)
-    weights = np.zeros(len(first), dtype=np.int64)
-    np.add.at(weights, cell.ravel(), problem.weights[coverable])
-    return problem.sees[:, coverable][:, first], weights
-
-
-def reduce_problem(problem: CoverProblem, *, all_points: bool = False) -> ReducedProblem:
-    """Make a problem smaller without changing its minimum, before it is proven.
-
-    Four steps, each sound on its own, are repeated until nothing more falls away:
-
-    1. Faces that no choice of points can cover are given up: their area comes off the tolerance.
-    2. Faces seen by exactly the same points are one cell with the summed area.
-    3. A cell larger than what may be missed is mandatory. A cell is implied, and dropped, where it is seen by all the points
-       that see some mandatory cell: covering that one covers it.
-    4. A point is dropped where at least `fold` others see all that it sees, and are not avoided unless it is. In a smallest
-       design that uses it, either one of those is free and does as well, or all are visited and the point was not needed.
-
-    Args:
-        problem: What to cover; it must be coverable.
-        all_points: Leave step 4 out: more is asked of a point than what it sees.
-    """
-    sees, weights = merge_cells(problem)
-    slack = problem.slack - (problem.total_weight - int(weights.sum()))
-    mandatory = weights > slack
-    points = np.arange(problem.n_points)
-    while True:
-        shape = sees.shape
-        cells = ~implied(pack(sees.T), mandatory)
-        sees, weights, mandatory = sees[:, cells], weights[cells], mandatory[cells]
-        if not all_points:
-            kept = ~replaceable(pack(np.column_stack((sees, ~problem.avoided[points]))), problem.fold)
-            sees, points = sees[kept], points[kept]
-        if all_points or sees.shape == shape:
-            return ReducedProblem(points, sees, weights, mandatory, slack)
-
-
-@kernel
-def implied(seers: Words, mandatory: Mask) -> Mask:
-    """Which cells are covered by covering a mandatory one; of cells with equal seers the first stays."""
-    n = seers.shape[0]
-    dropped = np.zeros(n, dtype=np.bool_)
-    for c in range(n):
-        for other in range(n):
-            if other == c or not mandatory[other] or dropped[other] or not is_subset(seers[other], seers[c]):
-                continue
-            if not is_subset(seers[c], seers[other]) or other < c or not mandatory[c]:
-                dropped[c] = True
-                break
-    return dropped
-
-
-@kernel
-def replaceable(rows: Words, fold: int) -> Mask:
-    """Which points can be dropped by step 4; equal points stand in for each other in their order."""
-    n = rows.shape[0]
-    dropped = np.zeros(n, dtype=np.bool_)
-    for p in range(n):
-        stand_ins = 0
-        for other in range(n):
-            if other == p or not is_subset(rows[p], rows[other]):
-                continue
-            if other < p or not is_subset(rows[other], rows[p]):
-                stand_ins += 1
-                if stand_ins >= fold:
-                    dropped[p] = True
-                    break
-    return dropped

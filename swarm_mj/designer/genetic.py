@@ -38,7 +38,7 @@ from pymoo.operators.crossover.ux import UX
 from pymoo.operators.mutation.pm import PM
 from pymoo.operators.repair.rounding import RoundingRepair
 
-from swarm_mj.designer.problem import CoverProblem, gene_map
+from swarm_mj.designer.problem import DesignProblem, gene_map
 from swarm_mj.designer.repair import repair_designs
 from swarm_mj.io import interruption
 from swarm_mj.typing import Array, Ints, Mask
@@ -114,7 +114,7 @@ class GeneticResult(NamedTuple):
 
 
 def evolve(
-    problem: CoverProblem, settings: GeneticSettings | None = None, progress: Callable[[float], None] | None = None
+    problem: DesignProblem, settings: GeneticSettings | None = None, progress: Callable[[float], None] | None = None
 ) -> GeneticResult:
     """Search for the fewest spacecraft that cover the target.
 
@@ -153,7 +153,7 @@ def evolve(
     )
 
 
-def _algorithm(problem: CoverProblem, settings: GeneticSettings) -> GA:
+def _algorithm(problem: DesignProblem, settings: GeneticSettings) -> GA:
     if settings.operators == "plain":
         crossover, mutation, repair = SBX(prob=0.9, eta=3, vtype=float), PM(prob=1.0, eta=3), RoundingRepair()
     else:
@@ -217,9 +217,9 @@ class _Stop(Termination):
 
 
 class GeneMapProblem(Problem):
-    """The domains of the paper's Figure 5 and the fitness of `CoverProblem.evaluate`, many designs at a time."""
+    """The domains of the paper's Figure 5 and the fitness of `DesignProblem.evaluate`, many designs at a time."""
 
-    def __init__(self, cover: CoverProblem) -> None:
+    def __init__(self, cover: DesignProblem) -> None:
         n_max = cover.max_observers
         super().__init__(
             n_var=1 + n_max,
@@ -280,7 +280,7 @@ class CoverRepair(Repair):
         blur: Upper end of the uniform blur of each point's gain: 0 is greedy, towards 1 random.
     """
 
-    def __init__(self, cover: CoverProblem, blur: float) -> None:
+    def __init__(self, cover: DesignProblem, blur: float) -> None:
         super().__init__()
         self.cover, self.blur = cover, blur
 

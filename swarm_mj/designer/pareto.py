@@ -24,7 +24,7 @@ from pymoo.termination.max_gen import MaximumGenerationTermination
 
 from swarm_mj.compilation import kernel
 from swarm_mj.designer.genetic import GeneMapProblem, RandomGeneMaps, breeding
-from swarm_mj.designer.problem import CoverProblem, gene_map
+from swarm_mj.designer.problem import DesignProblem, gene_map
 from swarm_mj.designer.repair import refill_designs
 from swarm_mj.typing import Array, Ints, Mask
 
@@ -53,7 +53,7 @@ class ParetoFront(NamedTuple):
 
 
 def pareto_front(
-    problem: CoverProblem,
+    problem: DesignProblem,
     delta_v: Array,
     known: Sequence[Ints] = (),
     *,
@@ -119,7 +119,7 @@ def dominated(values: Array, others: Array) -> Mask:
 class _TradeProblem(GeneMapProblem):
     """N_obs, delta-v in all, percentage uncovered."""
 
-    def __init__(self, cover: CoverProblem, delta_v: Array) -> None:
+    def __init__(self, cover: DesignProblem, delta_v: Array) -> None:
         super().__init__(cover)
         self.n_obj = 3
         self.delta_v = delta_v
@@ -159,7 +159,7 @@ class _ForgetOrResize(Mutation):
 class _CheapRefill(Repair):
     """Refill by area per delta-v to a power that differs from child to child, from 0 (area alone) to 3, blurred."""
 
-    def __init__(self, cover: CoverProblem, delta_v: Array) -> None:
+    def __init__(self, cover: DesignProblem, delta_v: Array) -> None:
         super().__init__()
         self.cover, least = cover, 1e-9 * (1.0 + delta_v.max())
         self.cheapness = np.log((delta_v.min() + least) / (delta_v + least))

@@ -16,6 +16,7 @@ Areas are integer weights, so that sums are exact and do not depend on their ord
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -138,44 +139,65 @@ class Evaluation(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CoverProblem:
-    """Which points to visit so that the fewest spacecraft cover the target.
+class DesignProblem(ABC):
+    """Which points to visit so that the fewest spacecraft cover the target, whatever covering a face takes.
 
     Attributes:
-        sees: Whether a spacecraft that visits a point sees a face, shape (n_points, n_faces).
         area: Area of each face [m^2 or any unit], shape (n_faces,).
         tolerance_percent: Largest |100 - P_TO| allowed [%].
         max_observers: N_max.
-        fold: How many spacecraft must see a face for it to count. No two visit one point, where they would collide, and would
-            share whatever spoils the view.
         avoided: Points of which the proof takes as few as it can among designs of as few spacecraft, shape (n_points,);
             empty: none.
         why: `Cause` why each face is seen from no point, shape (n_faces,); empty where that is not known.
     """
 
-    sees: Mask
     area: Array
     avoided: Mask = field(default_factory=lambda: np.empty(0, np.bool_))
     why: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
     tolerance_percent: float = 0.1
     max_observers: int = 20
-    fold: int = 1
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "sees", np.ascontiguousarray(self.sees, dtype=np.bool_))
         object.__setattr__(self, "area", np.ascontiguousarray(self.area, dtype=np.float64))
         if not len(self.avoided):
-            object.__setattr__(self, "avoided", np.zeros(len(self.sees), np.bool_))
+            object.__setattr__(self, "avoided", np.zeros(self.n_points, np.bool_))
 
     @property
+    @abstractmethod
     def n_points(self) -> int:
         """Number of visiting points, n_T."""
-        return self.sees.shape[0]
+
+    @property
+    @abstractmethod
+    def coverable(self) -> Mask:
+        """Which faces are covered if every point is visited, shape (n_faces,)."""
+
+    @property
+    @abstractmethod
+    def largest_view(self) -> float:
+        """So much weight at most does one spacecraft more cover, be the others however many."""
+
+    @abstractmethod
+    def covered_weight(self, points: Sequence[int] | Ints) -> int:
+        """Weight that visits to these points, numbered from 1, cover; a point that stands twice counts once."""
+
+    @abstractmethod
+    def covered_weights(self, genes: Ints) -> Ints:
+        """Weight that each of many gene maps covers, shape (m,)."""
+
+    @abstractmethod
+    def shortfall_words(self) -> str:
+        """Why faces fall short, in brackets, with shares of the target; empty where that is not known."""
 
     @property
     def n_faces(self) -> int:
         """Number of target faces."""
-        return self.sees.shape[1]
+        return len(self.area)
+
+    @property
+    def times(self) -> str:
+        """How a face is covered, for messages."""
+        return ""
 
     @cached_property
     def weights(self) -> Ints:
@@ -197,21 +219,6 @@ class CoverProblem:
         """By how much the weights of all faces may be off together."""
         return self.n_faces // 2 + 1
 
-    @cached_property
-    def rows(self) -> Words:
-        """`sees`, packed, shape (n_points, n_words)."""
-        return pack(self.sees)
-
-    @cached_property
-    def table(self) -> Ints:
-        """Byte-wise weights for `rows`."""
-        return weight_table(self.weights)
-
-    @cached_property
-    def coverable(self) -> Mask:
-        """Which faces are covered if every point is visited, shape (n_faces,)."""
-        return self.sees.sum(axis=0) >= self.fold
-
     def percent(self, covered_weight: int) -> float:
         """P_TO of a covered weight."""
         return 100.0 - 100.0 * (self.total_weight - covered_weight) / self.total_weight
@@ -219,13 +226,6 @@ class CoverProblem:
     def is_enough(self, covered_weight: int) -> bool:
         """Whether a covered weight satisfies equation 4."""
         return self.total_weight - covered_weight <= self.slack
-
-    def covered_weight(self, points: Sequence[int] | Ints) -> int:
-        """Weight that visits to these points, numbered from 1, cover; a point that stands twice counts once."""
-        layers = np.zeros((self.fold, self.rows.shape[1]), dtype=np.uint64)
-        for point in np.unique(np.asarray(points, dtype=np.int64)):
-            add_to_layers(layers, self.rows[point - 1])
-        return int(set_weight(layers[-1], self.table))
 
     def covered_percent(self, points: Sequence[int] | Ints) -> float:
         """P_TO of visits to these points, numbered from 1."""
@@ -238,11 +238,16 @@ class CoverProblem:
             genes: Gene maps [N_obs, p_1 ... p_Nmax], shape (m, 1 + max_observers).
         """
         genes = np.ascontiguousarray(genes, dtype=np.int64)
-        missing = self.total_weight - covered_weights(self.rows, self.table, genes, self.fold)
+        missing = self.total_weight - self.covered_weights(genes)
         feasible = missing <= self.slack
         too_much = np.maximum(missing - self.slack, 0) / self.total_weight
         fitness = np.where(feasible, genes[:, 0], self.max_observers + 1.0 + too_much)
         return Evaluation(genes[:, 0], 100.0 - 100.0 * missing / self.total_weight, feasible, fitness)
+
+    @property
+    def coverable_percent(self) -> float:
+        """P_TO of visits to all points."""
+        return self.percent(int(self.weights[self.coverable].sum()))
 
     @property
     def can_be_covered(self) -> bool:
@@ -259,6 +264,72 @@ class CoverProblem:
             raise MissionError(_uncoverable(self, int(self.weights[self.coverable].sum())))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoverProblem(DesignProblem):
+    """A face is covered where enough spacecraft see it.
+
+    Attributes:
+        sees: Whether a spacecraft that visits a point sees a face, shape (n_points, n_faces).
+        fold: How many spacecraft must see a face for it to count. No two visit one point, where they would collide, and would
+            share whatever spoils the view.
+    """
+
+    sees: Mask
+    fold: int = 1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sees", np.ascontiguousarray(self.sees, dtype=np.bool_))
+        super().__post_init__()
+
+    @property
+    def n_points(self) -> int:
+        """Number of visiting points, n_T."""
+        return self.sees.shape[0]
+
+    @property
+    def times(self) -> str:
+        """How often a face must be seen, for messages."""
+        return "" if self.fold == 1 else f" {self.fold} times"
+
+    @cached_property
+    def rows(self) -> Words:
+        """`sees`, packed, shape (n_points, n_words)."""
+        return pack(self.sees)
+
+    @cached_property
+    def table(self) -> Ints:
+        """Byte-wise weights for `rows`."""
+        return weight_table(self.weights)
+
+    @cached_property
+    def coverable(self) -> Mask:
+        """Which faces are covered if every point is visited, shape (n_faces,)."""
+        return self.sees.sum(axis=0) >= self.fold
+
+    @property
+    def largest_view(self) -> float:
+        """The best view's weight; of `fold` views of a face one covers it."""
+        return float((self.sees @ self.weights).max()) / self.fold
+
+    def covered_weight(self, points: Sequence[int] | Ints) -> int:
+        """Weight that visits to these points, numbered from 1, cover; a point that stands twice counts once."""
+        layers = np.zeros((self.fold, self.rows.shape[1]), dtype=np.uint64)
+        for point in np.unique(np.asarray(points, dtype=np.int64)):
+            add_to_layers(layers, self.rows[point - 1])
+        return int(set_weight(layers[-1], self.table))
+
+    def covered_weights(self, genes: Ints) -> Ints:
+        """Weight that each of many gene maps covers, shape (m,)."""
+        return np.asarray(covered_weights(self.rows, self.table, genes, self.fold))
+
+    def shortfall_words(self) -> str:
+        """Why faces are seen from nowhere, in brackets, with shares of the target."""
+        if not len(self.why):
+            return ""
+        found = shares(self.area, self.why)
+        return f" ({', '.join(f'{share:.3g} % {WORDS[cause]}' for cause, share in found.items())})" if found else ""
+
+
 def gene_map(points: Sequence[int] | Ints, max_observers: int) -> Ints:
     """Gene map of a list of points, numbered from 1: they are sorted, and repeated in the genes that are not read.
 
@@ -271,26 +342,17 @@ def gene_map(points: Sequence[int] | Ints, max_observers: int) -> Ints:
     return np.concatenate([[len(ordered)], np.resize(ordered, max_observers)])
 
 
-def _uncoverable(problem: CoverProblem, best: int) -> str:
+def _uncoverable(problem: DesignProblem, best: int) -> str:
     unseen = int((~problem.coverable).sum())
-    times = "" if problem.fold == 1 else f" {problem.fold} times"
     missing = math.ceil(1e4 * (problem.total_weight - best - problem.round_off) / AREA_UNITS) / 100.0
     remedies = (
         f"allow a tolerance of at least {missing:.2f} %" if missing < 100.0 else "",
         "add visiting points",
-        "ask for a lower fold" if problem.fold > 1 else "",
+        "ask for a lower fold" if isinstance(problem, CoverProblem) and problem.fold > 1 else "",
     )
     return (
         f"the target cannot be covered: visiting all {problem.n_points} points sees "
-        f"{percent_digits(problem.percent(best))} % of its area{times}, "
+        f"{percent_digits(problem.percent(best))} % of its area{problem.times}, "
         f"{100.0 - problem.tolerance_percent:g} % is asked for, {unseen} of {problem.n_faces} faces fall short"
-        f"{_causes(problem)}; {', or '.join(filter(None, remedies))}"
+        f"{problem.shortfall_words()}; {', or '.join(filter(None, remedies))}"
     )
-
-
-def _causes(problem: CoverProblem) -> str:
-    """Why, in brackets, with shares of the target."""
-    if not len(problem.why):
-        return ""
-    found = shares(problem.area, problem.why)
-    return f" ({', '.join(f'{share:.3g} % {WORDS[cause]}' for cause, share in found.items())})" if found else ""

@@ -12,11 +12,20 @@ from __future__ import annotations
 import numpy as np
 
 from swarm_mj.compilation import kernel
-from swarm_mj.designer.problem import CoverProblem, Words, add_to_layers, set_weight, stands_before, word_weight
+from swarm_mj.designer.class_problem import ClassProblem
+from swarm_mj.designer.problem import (
+    CoverProblem,
+    DesignProblem,
+    Words,
+    add_to_layers,
+    set_weight,
+    stands_before,
+    word_weight,
+)
 from swarm_mj.typing import Array, Ints
 
 
-def repair_designs(problem: CoverProblem, genes: Ints, noise: Array) -> Ints:
+def repair_designs(problem: DesignProblem, genes: Ints, noise: Array) -> Ints:
     """Designs completed until they cover the target within its tolerance, then pruned; copies.
 
     A design that cannot be completed within `max_observers` is returned as far as it came.
@@ -32,7 +41,7 @@ def repair_designs(problem: CoverProblem, genes: Ints, noise: Array) -> Ints:
     return _repaired(problem, genes, noise, problem.total_weight - problem.slack, False)
 
 
-def refill_designs(problem: CoverProblem, genes: Ints, noise: Array) -> Ints:
+def refill_designs(problem: DesignProblem, genes: Ints, noise: Array) -> Ints:
     """Designs completed up to the N_obs that they name, whatever they then cover, without spacecraft that add nothing.
 
     Arguments and result as for `repair_designs`; the tolerance plays no part.
@@ -40,9 +49,12 @@ def refill_designs(problem: CoverProblem, genes: Ints, noise: Array) -> Ints:
     return _repaired(problem, genes, noise, problem.total_weight, True)
 
 
-def _repaired(problem: CoverProblem, genes: Ints, noise: Array, enough: int, keep_size: bool) -> Ints:
+def _repaired(problem: DesignProblem, genes: Ints, noise: Array, enough: int, keep_size: bool) -> Ints:
     repaired = np.ascontiguousarray(genes, dtype=np.int64).copy()
     blur = np.ascontiguousarray(noise, dtype=np.float64)
+    if isinstance(problem, ClassProblem):
+        return problem.repaired(repaired, blur, enough, keep_size)
+    assert isinstance(problem, CoverProblem)
     _repair_all(problem.rows, problem.table, problem.fold, enough, keep_size, blur, repaired)
     return repaired
 

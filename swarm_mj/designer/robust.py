@@ -195,7 +195,9 @@ class Sample:
         problem = CoverProblem(sees=both, area=seen.area, tolerance_percent=tolerance_percent)
         self.possible = problem.can_be_covered
         reduced = reduce_problem(problem, all_points=True)
-        self.full, self.lost, self.chance = reduced.sees[:n], reduced.sees[n:], seen.chance
+        sees = np.zeros((2 * n, len(reduced.weights)), np.bool_)
+        sees[reduced.asked.point, reduced.asked.cell[reduced.asked.owner]] = True
+        self.full, self.lost, self.chance = sees[:n], sees[n:], seen.chance
         self.mandatory, self.shares = reduced.mandatory, reduced.weights / max(reduced.slack, 1)
         self._rows, self._lost = pack(self.full), pack(self.lost)
         self._table, self._enough = weight_table(reduced.weights), int(reduced.weights.sum()) - reduced.slack

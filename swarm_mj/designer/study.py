@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from swarm_mj.designer.candidates.visibility import Candidate, Visibility, observers_of, visibility
+from swarm_mj.designer.class_problem import class_problem
 from swarm_mj.designer.daylight import daylight_text
 from swarm_mj.designer.deadline import HOUR, Arrival, DeadlineSearch, fly_design, needs_of
 from swarm_mj.designer.exact import ExactResult, Waiting, solve_budget, solve_exact, without_proof
-from swarm_mj.designer.problem import CoverProblem
+from swarm_mj.designer.problem import CoverProblem, DesignProblem
 from swarm_mj.designer.robust import Level, RobustSearch, losses_of, robust_search
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.io.interruption import held
@@ -93,7 +94,7 @@ class Study:
 
     scenario: Scenario
     visibility: Visibility
-    problem: CoverProblem
+    problem: DesignProblem
     exact: ExactResult
     genetic: dict[str, GeneticResult]
     front: ParetoFront | None
@@ -150,9 +151,21 @@ class Study:
         return evolved.n_observers - self.exact.n_observers if evolved.feasible else -1
 
 
-def cover_problem(scenario: Scenario, seen: Visibility) -> CoverProblem:
-    """The scenario's covering problem on a matrix of visibility."""
-    designer = scenario.designer
+def cover_problem(scenario: Scenario, seen: Visibility) -> DesignProblem:
+    """The scenario's covering problem on a matrix of visibility, or on the looks where it asks for a quality class."""
+    designer, quality_class = scenario.designer, scenario.designed_class
+    if quality_class is not None:
+        assert seen.looks is not None
+        return class_problem(
+            quality_class,
+            seen.looks,
+            len(seen.candidates),
+            seen.area,
+            avoided=seen.beyond,
+            why=seen.why,
+            tolerance_percent=designer.tolerance_percent,
+            max_observers=designer.max_observers,
+        )
     return CoverProblem(
         sees=seen.sees,
         area=seen.area,
@@ -207,7 +220,7 @@ def study_design(
 class _Work:
     """A study under way: what is known so far."""
 
-    def __init__(self, scenario: Scenario, seen: Visibility, problem: CoverProblem, clock: _Clock) -> None:
+    def __init__(self, scenario: Scenario, seen: Visibility, problem: DesignProblem, clock: _Clock) -> None:
         self.scenario, self.seen, self.problem, self.clock = scenario, seen, problem, clock
         self.exact: ExactResult | None = None
         self.genetic: dict[str, GeneticResult] = {}
@@ -318,9 +331,9 @@ class _Work:
             raise KeyboardInterrupt from None
 
 
-def _deadline_search(scenario: Scenario, seen: Visibility, problem: CoverProblem) -> DeadlineSearch | None:
+def _deadline_search(scenario: Scenario, seen: Visibility, problem: DesignProblem) -> DeadlineSearch | None:
     hours = scenario.designer.deliver_within_h
-    if hours is None:
+    if hours is None or not isinstance(problem, CoverProblem):
         return None
 
     def fly(points: Ints) -> Arrival:

@@ -16,11 +16,13 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
+from swarm_mj.designer.class_problem import ClassProblem
 from swarm_mj.designer.study import Study, describe
 from swarm_mj.figures.cells import draw_cells, flat_points
 from swarm_mj.figures.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILLION
 from swarm_mj.figures.style import HALO, TICK_PT, annotate, caption, label, new_figure, plain, tidy, write
 from swarm_mj.scenarios.itinerary import target_name
+from swarm_mj.typing import Ints
 
 #: Colour of a cell by how many of the chosen spacecraft see it; the last stands for all larger numbers.
 TIMES_SEEN = (ORANGE, SKY_BLUE, BLUE, "#00466E")
@@ -87,28 +89,35 @@ def compose_gene_map(study: Study) -> Figure:
 
 
 def compose_cover(study: Study) -> Figure:
-    """Each target as seen from the body's centre: how many of the chosen spacecraft see each cell."""
+    """Each target as seen from the body's centre: how many of the chosen spacecraft see each cell, or what they map."""
     whole = study.visibility.region
     regions = whole.targets
-    figure = new_figure(5.6, f"Who covers what: {plain(study.scenario.name)}", width_in=max(6.5, 5.0 * len(regions)))
-    rows = study.visibility.sees[study.selected - 1]
-    times = rows.sum(axis=0)
+    title, state, words = _covered(study)
+    figure = new_figure(5.6, title, width_in=max(6.5, 5.0 * len(regions)))
     for k, region in enumerate(regions):
         ax = figure.add_subplot(1, len(regions), k + 1)
-        part = np.minimum(times[whole.cells_of(k)], len(TIMES_SEEN) - 1)
-        draw_cells(ax, region, np.array([to_rgb(TIMES_SEEN[n]) for n in part]))
+        draw_cells(ax, region, np.array([to_rgb(TIMES_SEEN[n]) for n in state[whole.cells_of(k)]]))
         _draw_points(ax, study, k)
         if len(regions) > 1:
             caption(ax, f"target {target_name(k)}")
-    words = ("not seen", "seen by 1", "seen by 2", "seen by 3 or more")
-    there = np.unique(np.minimum(times, len(TIMES_SEEN) - 1))
-    handles: list[Patch | Line2D] = [Patch(color=TIMES_SEEN[n], label=words[n]) for n in there]
+    handles: list[Patch | Line2D] = [Patch(color=TIMES_SEEN[n], label=words[n]) for n in np.unique(state)]
     spot: dict[str, Any] = {"marker": "o", "linestyle": "", "color": VERMILLION, "markeredgecolor": "white"}
     handles.append(Line2D([], [], label="visited point", **spot))
     figure.legend(
         handles=handles, loc="outside lower center", ncols=min(len(handles), 4), fontsize=TICK_PT, frameon=False
     )
     return figure
+
+
+def _covered(study: Study) -> tuple[str, Ints, tuple[str, ...]]:
+    """Title, state of each cell as a place in `TIMES_SEEN`, and the states in words."""
+    name, times = plain(study.scenario.name), study.visibility.sees[study.selected - 1].sum(axis=0)
+    if isinstance(study.problem, ClassProblem):
+        state = (times > 0) + study.problem.mapped_by(study.selected).astype(np.int64)
+        title = f"What is mapped at class {study.problem.name}: {name}"
+        return title, state, ("not seen", "seen, not mapped", "mapped")
+    words = ("not seen", "seen by 1", "seen by 2", "seen by 3 or more")
+    return f"Who covers what: {name}", np.minimum(times, len(TIMES_SEEN) - 1), words
 
 
 def _draw_points(ax: Axes, study: Study, target: int) -> None:

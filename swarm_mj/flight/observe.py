@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
@@ -30,11 +30,12 @@ from swarm_mj.observation.capture import (
 )
 from swarm_mj.observation.coverage import Cause, CoverageMap, KeptPictures, Shown
 from swarm_mj.observation.observer import Observer, make_observer
-from swarm_mj.observation.quality import PictureLooks, Quality, gather, looks_in_picture, quality_of
+from swarm_mj.observation.quality import Looks, PictureLooks, Quality, gather, looks_in_picture, quality_of
 from swarm_mj.observation.radiometry import electrons, signal_to_noise
 from swarm_mj.scenarios.itinerary import arrival_times
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_imaging import Observation
+from swarm_mj.scenarios.schema_quality import QualityClass
 from swarm_mj.simulator.telemetry import VARIABLES, working
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.mrp import dcm
@@ -156,7 +157,7 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
     kept = KeptPictures(plan.region.n_cells, plan.n, scenario.data.pictures)
     least_px, why = np.full(plan.region.n_cells, np.nan), np.full(plan.region.n_cells, Cause.NO_PICTURE, np.int8)
     arrival_only = scenario.observation.criterion == "arrival"
-    images, light, looks = 0, _Light(observer, criterion), _Looks(scenario, observer)
+    images, light, looks = 0, _Light(observer, criterion), LooksTaken(scenario, observer, criterion.classes)
     try:
         for picture in flight_pictures(plan, telemetry):
             cause = causes(observer, picture.pose, criterion, motion=picture.motion, light=partial(light.at, picture))
@@ -222,12 +223,11 @@ class _Light:
         return self._last[1]
 
 
-class _Looks:
-    """The looks of all pictures that count, where the scenario asks for quality classes."""
+class LooksTaken:
+    """The looks of all pictures that count, where there are quality classes."""
 
-    def __init__(self, scenario: Scenario, observer: Observer) -> None:
-        self._scenario, self._observer = scenario, observer
-        self._classes = scenario.observation.classes
+    def __init__(self, scenario: Scenario, observer: Observer, classes: Sequence[QualityClass]) -> None:
+        self._scenario, self._observer, self._classes = scenario, observer, classes
         self._pictures: list[PictureLooks] = []
 
     def add(self, picture: Picture, cells: Ints, gsd_m: Array) -> None:
@@ -256,7 +256,12 @@ class _Looks:
         """What they come to."""
         if not self._classes:
             return None
-        return quality_of(self._classes, gather(self._pictures, self._observer.region.normal_A))
+        return quality_of(self._classes, self.gathered)
+
+    @property
+    def gathered(self) -> Looks:
+        """All of them, by cell."""
+        return gather(self._pictures, self._observer.region.normal_A)
 
 
 def _motion_blur_in(observer: Observer, picture: Picture) -> Array:

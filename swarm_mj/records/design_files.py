@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 
 from swarm_mj.designer.candidates.visibility import Visibility
+from swarm_mj.designer.class_problem import ClassProblem
 from swarm_mj.designer.deadline import HOUR
 from swarm_mj.designer.robust import Level
 from swarm_mj.designer.study import Growth, Study, describe
@@ -54,7 +55,7 @@ SAME_MESH = 1e-5
 #: Behaviours whose observers look at the body's centre inside the imaging radius, and so see the same.
 ALIKE = {"dedicated_communications", "adaptable_roles"}
 #: Parts of `observation` and `camera` that do not change what a candidate sees, or hardly.
-SEEN_ALIKE = ("observer", "interval_s", "resolution_px", "ground_resolution_m", "aperture_m", "wavelength_m")
+SEEN_ALIKE = ("classes", "observer", "interval_s", "resolution_px", "ground_resolution_m", "aperture_m", "wavelength_m")
 #: Farthest that a visiting point may lie from the design's, as a fraction of the imaging altitude.
 SAME_POINT = 1e-3
 #: What a level says of its design's probability.
@@ -91,6 +92,7 @@ def design_record(study: Study) -> dict[str, Any]:
         },
         "gap": study.gap,
         "genetic": {name: _genetic_record(result) for name, result in study.genetic.items()},
+        **_class_record(study),
         "tolerance_percent": scenario.designer.tolerance_percent,
         "fold": scenario.designer.fold,
         "any_roll": scenario.designer.any_roll,
@@ -118,6 +120,25 @@ def _b_plane_record(of: Array) -> dict[str, float | None]:
     """B.T and B.R [m] and the speed on the asymptote [m/s] of a path; None where it has none."""
     names = ("b_t_m", "b_r_m", "v_infinity_m_s")
     return {name: round(float(x), 6) if np.isfinite(x) else None for name, x in zip(names, of, strict=True)}
+
+
+def _class_record(study: Study) -> dict[str, Any]:
+    """The quality class that was designed for, and what no set of candidates maps; empty where none was asked for."""
+    quality_class, problem = study.scenario.designed_class, study.problem
+    if quality_class is None or not isinstance(problem, ClassProblem):
+        return {}
+    return {
+        "quality_class": quality_class.model_dump(mode="json"),
+        "seen_percent": round(_seen_percent(study), 6),
+        "mappable_percent": round(problem.coverable_percent, 6),
+        "not_mappable": {words: round(share, 6) for words, share in problem.causes().items()},
+    }
+
+
+def _seen_percent(study: Study) -> float:
+    """Share of the target that the selected design sees, at whatever quality [%]."""
+    seen = study.visibility
+    return float(100.0 * seen.area[seen.sees[study.selected - 1].any(axis=0)].sum() / seen.area.sum())
 
 
 def _delivery_record(study: Study) -> dict[str, Any]:

@@ -85,6 +85,7 @@ class DesignRecord(Record):
     criterion: dict[str, Any] = {}
     camera: dict[str, Any] = {}
     made_for: MadeFor | None = None
+    quality_class: dict[str, Any] | None = None
     deliver_within_h: float | None = None
     delivered_by_h: float | None = None
     delivered_in_time: bool | None = None

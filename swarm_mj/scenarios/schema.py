@@ -27,6 +27,7 @@ from swarm_mj.scenarios.schema_propulsion import (
     thrusters_can_pulse,
     thrusters_fit_inside,
 )
+from swarm_mj.scenarios.schema_quality import PACKAGED, QualityClass
 from swarm_mj.scenarios.schema_sensors import Sensors, expanded_sensors
 from swarm_mj.scenarios.schema_swarm import Swarm
 from swarm_mj.scenarios.section import YOUR_OWN, Parameters, Section, Vector3
@@ -281,6 +282,11 @@ class Designer(Section):
         "surpass: the proven minimum stays, and the genetic algorithm chooses among the rest",
     )
     time_limit_s: float = Field(300.0, gt=0, description="after which the exact solver stops without proof [s]")
+    quality_class: str | None = Field(
+        None,
+        description="a face counts where the pictures of all spacecraft together map it at this class: one of "
+        f"observation.classes, or {', '.join(PACKAGED)}; null: where one sees it",
+    )
 
     @model_validator(mode="after")
     def _delivered_by_one_flight(self) -> Self:
@@ -419,9 +425,35 @@ class Scenario(Section):
             )
         return self
 
+    @property
+    def designed_class(self) -> QualityClass | None:
+        """The quality class that a design is made for; None: a face counts where it is seen."""
+        name = self.designer.quality_class
+        if name is None:
+            return None
+        own = {one.name: one for one in self.observation.classes}
+        if name not in own and name not in PACKAGED:
+            known = ", ".join(dict.fromkeys([*own, *PACKAGED]))
+            raise ValueError(
+                f"designer.quality_class = {name}: must be one of {known}, or be given in observation.classes"
+            )
+        return own.get(name) or QualityClass(name=name)
+
+    @model_validator(mode="after")
+    def _class_of_the_design_stands_alone(self) -> Self:
+        if self.designer.quality_class is not None:
+            for key, plain in (("fold", 1), ("deliver_within_h", None), ("probability", None)):
+                if getattr(self.designer, key) != plain:
+                    raise ValueError(
+                        f"designer.{key} = {getattr(self.designer, key)}: must be {plain or 'null'} with "
+                        "designer.quality_class, which asks for several looks itself; design for each alone"
+                    )
+        return self
+
     @model_validator(mode="after")
     def _classes_have_what_they_need(self) -> Self:
-        for quality_class in self.observation.classes:
+        designed = self.designed_class
+        for quality_class in (*self.observation.classes, *((designed,) if designed else ())):
             for limit in quality_class.needs:
                 name = f"observation.classes: {quality_class.name} asks for {limit}"
                 if not self.camera.exposure_s:

@@ -4,8 +4,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from swarm_mj.designer.exact import reduce_problem, solve_budget, solve_exact, without_proof
+from swarm_mj.designer.exact import solve_budget, solve_exact, without_proof
 from swarm_mj.designer.problem import CoverProblem
+from swarm_mj.designer.reduction import reduce_problem
 from swarm_mj.errors import MissionError
 
 
@@ -151,7 +152,7 @@ def test_reduction_leaves_a_smaller_problem(make_discs):
     problem = make_discs(4, n_points=150, radius=0.35)
     reduced = reduce_problem(problem)
     assert len(reduced.points) < 150 and len(reduced.weights) < problem.n_faces
-    assert reduced.sees.shape == (len(reduced.points), len(reduced.weights))
+    assert (len(reduced.asked.at), len(reduced.asked.cell)) == (len(reduced.points) + 1, len(reduced.weights))
 
 
 def test_faces_that_cannot_be_covered_are_taken_from_the_tolerance():

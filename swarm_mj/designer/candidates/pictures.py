@@ -17,18 +17,30 @@ from typing import NamedTuple
 import numpy as np
 
 from swarm_mj.designer.candidates.flights import CandidateFlights
+from swarm_mj.flight.observe import LooksTaken
 from swarm_mj.io import interruption
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.io.machine import usable_cores
 from swarm_mj.io.workers import Runner, run_jobs
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraMotion, CameraPose, motion_blur_px
-from swarm_mj.observation.capture import judge, lit_cells, visible_share
+from swarm_mj.observation.capture import (
+    Picture,
+    ground_sampling_distance,
+    judge,
+    limits_of,
+    lit_cells,
+    sight,
+    visible_share,
+)
 from swarm_mj.observation.coverage import Cause
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
+from swarm_mj.observation.quality import Looks
 from swarm_mj.observation.reach import cells_of, in_reach, reach_of
+from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_imaging import Observation
-from swarm_mj.typing import Array, Indices, Mask
+from swarm_mj.scenarios.schema_quality import QualityClass
+from swarm_mj.typing import Array, Indices, Ints, Mask
 
 Progress = Callable[[float], None]
 #: Of a series of pictures: positions in A [m], shape (t, 3), and rotations C_CA, shape (t, 3, 3).
@@ -210,11 +222,32 @@ class Judge:
     ) -> None:
         self.region, self.imaging_model, self.criterion, self.workers = region, imaging_model, criterion, workers
         self.observer = imaging_model.open(region)
+        self._looks: LooksTaken | None = None
+        self._limits = limits_of(criterion, self.observer.camera, region)
         self._reach, self._cells = reach_of(self.observer, criterion), cells_of(region)
         self._lit: dict[tuple[int, int], Mask] = {}
         self._all_lit = np.ones((1, region.n_cells), np.bool_)
         #: Why each cell is seen by none of those judged so far, in the picture that came nearest to it.
         self.why = np.full(region.n_cells, Cause.NO_PICTURE, np.int8)
+
+    def keep_looks(self, scenario: Scenario, quality_class: QualityClass) -> None:
+        """Keep from now on the looks of pictures for a quality class; their takers are the watchers' numbers."""
+        self._looks = LooksTaken(scenario, self.observer, (quality_class,))
+
+    @property
+    def looks(self) -> Looks | None:
+        """The looks that were kept, by cell; None where none are."""
+        return None if self._looks is None else self._looks.gathered
+
+    def _keep(self, watcher: Watcher, taker: int, k: int, cells: Ints) -> None:
+        if self._looks is None:
+            return
+        flights, j, environment = watcher.flights, watcher.number, watcher.flights.plan.environment
+        t, r_A = float(flights.times[k]), flights.r_A[k, j]
+        sun_A = environment.C_AN(t) @ environment.sun.at(t)
+        motion = CameraMotion(flights.v_A[k, j], flights.omega_C[k, j])
+        gsd_m = ground_sampling_distance(self._limits, *sight(self.region, r_A, cells))
+        self._looks.add(Picture(t, taker, r_A, flights.C_CA[k, j], sun_A, motion), cells, gsd_m)
 
     def seen(self, watchers: Sequence[Watcher], *, progress: Progress | None = None) -> Iterator[tuple[int, Mask]]:
         """Whether each sees each cell, of one watcher after the other as they are done: its number and shape (cells,).
@@ -242,6 +275,7 @@ class Judge:
                         partial(self._motion_blur, watcher, int(k)),
                     )
                     seen |= cause == Cause.NONE
+                    self._keep(watcher, j, int(k), np.flatnonzero(cause == Cause.NONE))
                     np.maximum(self.why, cause, out=self.why)
                 yield j, seen
 

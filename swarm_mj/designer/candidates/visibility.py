@@ -33,6 +33,7 @@ from swarm_mj.io.cache import Arrays
 from swarm_mj.io.workers import Runner
 from swarm_mj.mission.deployment import tell_part
 from swarm_mj.mission.target import TargetRegion
+from swarm_mj.observation.quality import Looks
 from swarm_mj.scenarios.itinerary import all_targets
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
@@ -148,6 +149,7 @@ class Visibility:
         left_out: What the designer might have chosen but nobody can fly to, and why.
         unjudged: Candidates whose pictures were not judged because of an interruption; they count as seeing nothing.
         why: `Cause` why each cell is seen by no candidate, shape (cells,).
+        looks: Their looks, kept where `designer.quality_class` asks for them; takers are rows. All candidates are then judged.
         flights: Their flights, kept where `designer.deliver_within_h` asks for them.
         thinned: Candidates whose pictures were not judged because another one sees all that they could see at most (of several,
             the first), and that other one; they are not among `candidates`.
@@ -168,6 +170,7 @@ class Visibility:
     thinned: list[tuple[Candidate, Candidate]] = field(default_factory=list)
     flights: list[CandidateFlights] = field(default_factory=list)
     resumed: str = ""
+    looks: Looks | None = None
 
 
 def visibility(
@@ -225,6 +228,7 @@ def visibility(
         thinned=[(candidates[j], candidates[i]) for j, i in sorted(found.stand_in.items())],
         flights=[] if scenario.designer.deliver_within_h is None else [flights for _, _, flights in flown],
         resumed=_in_words(resumed, (found.pictures_kept, int(found.judged.sum()))),
+        looks=found.looks,
     )
 
 
@@ -305,6 +309,7 @@ class _Sightings:
         self.judged = np.zeros(n, np.bool_)
         self.stand_in: dict[int, int] = {}
         self.pictures_kept = 0
+        self.looks: Looks | None = None
 
     @property
     def kept(self) -> Indices:
@@ -342,12 +347,18 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | R
     designer = scenario.designer
     with closing(Judge(found.region, imaging_model_from(scenario), scenario.observation, workers)) as judge:
         found.why = judge.why  # filled in as it judges
+        if (quality_class := scenario.designed_class) is not None:
+            judge.keep_looks(scenario, quality_class)
         if (
             len(watchers) < designer.thin_from
             or designer.deliver_within_h is not None
             or designer.probability is not None
+            or quality_class is not None
         ):
-            found.judge(judge, watchers, np.arange(len(watchers)))
+            try:
+                found.judge(judge, watchers, np.arange(len(watchers)))
+            finally:
+                found.looks = judge.looks
             found.tell_never_lit(judge, [flights for _, _, flights in flown])
             return
         found.tell(0, 0.0)  # the flights are done
