@@ -204,7 +204,7 @@ def _rings(given: Any, key: str) -> Rings:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ", ".join(
-            f"{name} {k + 1}" for name, k in zip(("ring", "corner", "coordinate"), first["loc"], strict=False)
+            f"{name} {int(k) + 1}" for name, k in zip(("ring", "corner", "coordinate"), first["loc"], strict=False)
         )
         raise MissionError(f"{key}: {where}: {first['msg'][0].lower()}{first['msg'][1:]}") from None
     except TypeError:
