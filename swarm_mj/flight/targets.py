@@ -115,9 +115,13 @@ def pyramid_about(target: Target) -> Pyramid:
             f"target.region = {target.region}: reaches too far around the body to be swept from one place; must be a pyramid "
             "or a polygon within 75 deg of its middle, or choose another behavior.name"
         )
+    return Pyramid(*_place_of(feature), float(np.degrees(feature.half_angle)), "side")
+
+
+def _place_of(feature: Feature) -> tuple[float, float]:
+    """Latitude and longitude of its middle [deg]."""
     x, y, z = feature.axes[2]
-    place = np.degrees((np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x)))
-    return Pyramid(float(place[0]), float(place[1]), float(np.degrees(feature.half_angle)), "side")
+    return float(np.degrees(np.arctan2(z, np.hypot(x, y)))), float(np.degrees(np.arctan2(y, x)))
 
 
 def _region(scenario: Scenario, shape: ShapeModel, features: Sequence[Feature]) -> TargetRegion:
@@ -151,9 +155,8 @@ def true_target(scenario: Scenario, shape: ShapeModel, planned: TargetRegion) ->
     for target, part in zip(all_targets(scenario), planned.targets, strict=True):
         radius, feature = float(np.linalg.norm(part.centroid_A.mean(axis=0))), feature_of(target)
         if isinstance(feature, Polygon):
-            x, y, z = feature.axes[2]
-            here = np.degrees((np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x)))
-            there = shifted_target(float(here[0]), float(here[1]), east, north, radius)
+            here = _place_of(feature)
+            there = shifted_target(*here, east, north, radius)
             moved.append(replace(feature, turn=local_axes(*there).T @ local_axes(*here)))
         elif isinstance(feature, Pyramid):
             latitude, longitude = shifted_target(target.latitude_deg, target.longitude_deg, east, north, radius)

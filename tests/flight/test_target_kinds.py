@@ -5,7 +5,7 @@ import pytest
 
 from swarm_mj.designer.candidates.flights import farthest_apart
 from swarm_mj.errors import MissionError, ScenarioError
-from swarm_mj.flight.environment import epoch_state, load_body_shape
+from swarm_mj.flight.environment import environment_from, epoch_state, load_body_shape
 from swarm_mj.flight.light import lit_sometime
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.flight.targets import pyramid_about, target_from, true_target
@@ -67,6 +67,13 @@ def test_the_lit_part_of_a_ball_is_a_cap_swept_by_its_turn(shape, lit_at, turn):
     exact = swept_cap(sun_latitude(scenario), np.radians(LIMIT), turn) / (4.0 * np.pi)
     assert region.total_area / shape.face_areas.sum() == pytest.approx(exact, rel=0.006)
     assert region.kind == "lit" and region.n_visiting < len(shape.vertices)
+
+
+def test_the_lit_part_lies_where_the_body_has_turned_it(shape):
+    scenario = ball(target__lit_at="arrival", design__time_of_flight_s=900.0)
+    region, environment = target_from(scenario, shape), environment_from(scenario, shape)
+    middle, sun_A = region.area @ region.normal_A, environment.C_AN(900.0) @ environment.sun.at(900.0)
+    assert middle @ sun_A / (np.linalg.norm(middle) * np.linalg.norm(sun_A)) > np.cos(np.radians(1.0))
 
 
 def test_what_is_lit_sometime_is_the_union_of_the_instants(shape):

@@ -172,11 +172,9 @@ def b_plane_of(flights: CandidateFlights) -> Array:
     one along the pole, and of a field without GM.
     """
     plan, found = flights.plan, np.full((flights.n, 3), np.nan)
-    gm = getattr(plan.environment.gravity, "gm", None)
-    if gm is None:
-        return found
-    for j in range(flights.n):
-        flyby = hyperbola_of_state(plan.deployment.release_r_N[j], plan.deployment.v0_N[j], float(gm))
+    gm = float(getattr(plan.environment.gravity, "gm", None) or np.nan)
+    for j in range(flights.n if np.isfinite(gm) else 0):
+        flyby = hyperbola_of_state(plan.deployment.release_r_N[j], plan.deployment.v0_N[j], gm)
         if flyby is not None:
             found[j, 2] = flyby.speed
             with suppress(MissionError):
