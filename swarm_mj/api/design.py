@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from rich.progress import Progress, TaskID
 
 from swarm_mj.api.display import Plots, figure_html, png_html, rows_html
 from swarm_mj.api.scenario import Scenario, load
-from swarm_mj.designer.study import Growth, Study, Tell, extensions, growth, study_design
+from swarm_mj.designer.study import Growth, Study, Tell, Verified, extensions, growth, study_design
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import check_plugins
 from swarm_mj.io.atomic import MARKER, Result, atomic_folder
@@ -27,7 +28,7 @@ from swarm_mj.observation.coverage import percent_text
 from swarm_mj.records.design_files import design_record, left_out_words, write_design, write_growth
 from swarm_mj.records.summary import library_versions
 from swarm_mj.scenarios import schema
-from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource, design_overrides
+from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource, design_overrides, load_scenario
 
 #: The methods of a design in words, by their keys in its record.
 METHODS = {"repair": "genetic algorithm, repair", "plain": "genetic algorithm, plain"}
@@ -116,6 +117,23 @@ class Design:
                 "points": [list(map(int, points)) for points in front.points],
             }
         )
+
+    @property
+    def certainty(self) -> pd.DataFrame:
+        """The fewest spacecraft for several probabilities, that of the scenario first.
+
+        Raises:
+            OutputError: No probability was asked for; design with `designer.probability`.
+        """
+        if not self.record.get("certainty"):
+            raise OutputError("no probability was asked for; design with designer.probability")
+        table = pd.DataFrame.from_records(self.record["certainty"], index="probability")
+        return table.astype({"n_observers": "Int64"})
+
+    @property
+    def verified(self) -> dict[str, Any] | None:
+        """What flights of the design with other seeds say of the promised probability; None where none were flown."""
+        return self.record.get("verified")
 
     @property
     def compared(self) -> pd.DataFrame:
@@ -210,6 +228,7 @@ def design(
     out: str | Path | None = None,
     pareto: bool = False,
     compare: bool = False,
+    verify: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     figures: bool = True,
@@ -225,6 +244,8 @@ def design(
             the pictures when these are done; None: nothing is written, see `Design.save`.
         pareto: Whether to trade spacecraft against delta-v and area too (NSGA-II).
         compare: Whether to find the minimum under demands and freedoms beyond the paper too.
+        verify: So many flights of the design with other seeds show whether its probability is promised rightly; None: none.
+            They stand beside the folder, in one of its name with "-verification", and go on there where they were interrupted.
         workers: Processes for the candidates' pictures; None: one per core.
         scheduler: Address of a Dask cluster's scheduler whose workers fly and judge the candidates instead, e.g.
             tcp://host:8786; evolution and proof run here.
@@ -241,6 +262,8 @@ def design(
     scenario = load(scenario, overrides)
     check_plugins(scenario)
     check_workers(workers)
+    if verify is not None and (out is None or scenario.designer.probability is None):
+        raise OutputError(f"verify = {verify}: needs designer.probability, and a folder for the flights (out)")
     place, result = None if out is None else Path(out), Result("design", scenario.name)
     with using_bars(progress) as bars, _runner(workers, scheduler) as runner:
         stages = Stages(scenario.name, bars)
@@ -264,10 +287,13 @@ def design(
         found.folder = place
         # The proven design is in its place: whatever ends the rest, however roughly, leaves it there.
         with _told_where_it_is(found, stages):
+            rows = _compared(scenario, bars, runner) if compare else []
             if compare:
-                rows = _compared(scenario, bars, runner)
                 found = Design(scenario, found.record, study=study, compared=rows, folder=place)
-            if place is not None and (compare or figures):
+            if verify is not None:
+                study = replace(study, verified=_verified(found, verify, bars, workers))
+                found = Design(scenario, design_record(study), study=study, compared=rows, folder=place)
+            if place is not None and (compare or figures or verify):
                 with atomic_folder(place, result) as folder:
                     found.write(folder, figures=figures, pdf=pdf)
     return found
@@ -328,6 +354,25 @@ def _teller(scenario: schema.Scenario, bars: Progress | None) -> Tell | None:
         bars.update(tasks[stage], completed=share)
 
     return tell
+
+
+def _verified(found: Design, runs: int, bars: Progress | None, workers: int | None) -> Verified:
+    """Fly a design so often, with the losses and dispersions of its scenario, or go on with it."""
+    from swarm_mj.campaigns.loading import load_campaign
+    from swarm_mj.campaigns.runner import run_campaign
+    from swarm_mj.campaigns.statistics import probability
+
+    assert found.folder is not None
+    flown = load_scenario(found.scenario, design_overrides({"observers": [], **found.record}))
+    campaign = {"name": f"{flown.name}-verification", "runs": runs, "record": ["coverage_percent"]}
+    resolved = load_campaign({**campaign, "scenarios": [{"scenario": flown.model_dump(mode="json")}]})
+    folder = found.folder.with_name(f"{found.folder.name}-verification")
+    results = run_campaign(resolved, folder, workers=workers, resume=folder.exists(), bars=bars, figures=False).results
+    covered = [bool(seen) for seen in results["covered"].to_pylist()]
+    share = probability(sum(covered), runs)
+    failed = results["status"].to_pylist().count("failed")
+    promised = found.record["certainty"][0]["promised"]
+    return Verified(runs, failed, sum(covered), share.low, share.high, promised)
 
 
 def _compared(scenario: schema.Scenario, bars: Progress | None, workers: int | Runner | None) -> list[Growth]:

@@ -73,6 +73,15 @@ def add(commands: argparse._SubParsersAction) -> None:
         metavar="HOURS",
         help="the whole map must be on Earth HOURS past the epoch, with proof",
     )
+    design.add_argument(
+        "--probability",
+        type=float,
+        metavar="P",
+        help="enough must be seen with this probability under the scenario's losses and dispersions, with proof",
+    )
+    design.add_argument(
+        "--verify", type=int, metavar="N", help="with --probability: fly the design N times with other seeds"
+    )
     design.add_argument("--pareto", action="store_true", help="trade spacecraft against delta-v and area too (NSGA-II)")
     design.add_argument(
         "--compare", action="store_true", help="print how the minimum grows with demands beyond the paper"
@@ -137,13 +146,15 @@ def _notes(summary: dict[str, Any]) -> list[str]:
 def _design(arguments: argparse.Namespace) -> int:
     from swarm_mj.api.design import design
     from swarm_mj.api.scenario import load
-    from swarm_mj.cli.tables import design_table, growth_table, paths_table
+    from swarm_mj.cli.tables import certainty_table, design_table, growth_table, paths_table
 
     overrides = overrides_of(arguments)
     if arguments.fold is not None:
         overrides["designer.fold"] = arguments.fold
     if arguments.deliver_within is not None:
         overrides["designer.deliver_within_h"] = arguments.deliver_within
+    if arguments.probability is not None:
+        overrides["designer.probability"] = arguments.probability
     scenario = load(arguments.scenario, overrides)
     folder = arguments.out or DEFAULT_OUT / f"{scenario.name}-design"
     with bars_for(arguments) as bars:
@@ -152,6 +163,7 @@ def _design(arguments: argparse.Namespace) -> int:
             out=folder,
             pareto=arguments.pareto,
             compare=arguments.compare,
+            verify=arguments.verify,
             workers=arguments.workers,
             scheduler=arguments.scheduler,
             figures=not arguments.no_figures,
@@ -160,6 +172,8 @@ def _design(arguments: argparse.Namespace) -> int:
         )
     show_table(bars.console, design_table(found.record))
     show_table(bars.console, paths_table(found.record))
+    if found.record.get("certainty"):
+        show_table(bars.console, certainty_table(found.record))
     if arguments.compare:
         show_table(bars.console, growth_table(found.compared))
     tell(bars.console, f"{scenario.name}: files in {folder}", _hint(arguments, folder))

@@ -190,6 +190,9 @@ def _by_when(hours: float | None, in_time: bool | None) -> str:
 def _gap_words(record: dict[str, Any]) -> str:
     """How the genetic algorithm's design compares with the proof, or why it does not."""
     gap = record["gap"]
+    if record.get("certainty"):
+        chance = record["certainty"][0]
+        return f"probability {chance['promised']:.4f} promised for {chance['probability']:g} asked for"
     if gap is None and record.get("genetic_delivered_in_time", {}).get("repair") is False:
         return "the genetic algorithm's design is not on Earth in time"
     if gap is None:
@@ -209,6 +212,35 @@ def paths_table(record: dict[str, Any]) -> Table:
         table.add_row(escape(words), *place, speed, f"{delta_v:.2f}")
     table.caption = "B-plane of the two-body orbit at the release, pole: z of the ecliptic"
     return table
+
+
+def certainty_table(record: dict[str, Any]) -> Table:
+    """What probabilities cost in spacecraft, and what flights with other seeds say of the promise."""
+    table = Table(title="Cost of certainty", title_justify="left")
+    for heading in ("asked for", "observers", "at least", "promised (95 %)", "candidates"):
+        table.add_column(escape(heading), justify="left" if heading == "candidates" else "right")
+    for level in record["certainty"]:
+        promised = "-" if level["promised"] is None else f"{level['promised']:.4f}"
+        if record["realisations"] and level["low"] is not None:
+            promised += f" ({level['low']:.4f} to {level['high']:.4f})"
+        count = "none found" if level["n_observers"] is None else str(level["n_observers"])
+        table.add_row(
+            f"{level['probability']:g}", count, str(level["lower_bound"]), promised, _numbers(level["candidates"])
+        )
+    table.caption = f"{_observers(record['nominal_minimum'])} where nothing happens{verified_words(record)}"
+    return table
+
+
+def verified_words(record: dict[str, Any]) -> str:
+    """What a campaign of the design says of the promise; empty where none was flown."""
+    if (flown := record.get("verified")) is None:
+        return ""
+    failed = f", {flown['failed']} failed" if flown["failed"] else ""
+    return (
+        f". {flown['covered']} of {flown['flights']} flights with other seeds saw enough{failed}: "
+        f"{flown['covered'] / flown['flights']:.4f} ({flown['low']:.4f} to {flown['high']:.4f}), the promise of "
+        f"{flown['promised']:.4f} lies {'inside' if flown['inside'] else 'outside'}"
+    )
 
 
 def growth_table(compared: pd.DataFrame) -> Table:

@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from swarm_mj.designer.candidates.visibility import Candidate, Visibility, visibility
+from swarm_mj.designer.candidates.visibility import Candidate, Visibility, observers_of, visibility
 from swarm_mj.designer.daylight import daylight_text
 from swarm_mj.designer.deadline import HOUR, Arrival, DeadlineSearch, fly_design, needs_of
 from swarm_mj.designer.exact import ExactResult, Waiting, solve_budget, solve_exact, without_proof
 from swarm_mj.designer.problem import CoverProblem
+from swarm_mj.designer.robust import Level, RobustSearch, losses_of, robust_search
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.io.interruption import held
 from swarm_mj.io.workers import Runner
@@ -39,6 +40,31 @@ Tell = Callable[[str, float], None]
 
 #: Of the two sets of operators: repaired and pruned designs, and plain crossover and mutation as in the paper.
 OPERATORS = ("repair", "plain")
+#: Probabilities whose cost in spacecraft is told beside that of the scenario.
+CERTAINTIES = (0.5, 0.9, 0.95, 0.99)
+
+
+class Verified(NamedTuple):
+    """A campaign of a design: how many flights there were, how many of them failed, and how many saw enough of the target.
+
+    Attributes:
+        low: From where Wilson's 95 % interval of the share that saw enough reaches.
+        high: To where.
+        promised: The probability that the design was made with.
+    """
+
+    flights: int
+    failed: int
+    covered: int
+    low: float
+    high: float
+    promised: float
+
+    @property
+    def inside(self) -> bool:
+        """Whether the promise lies inside the interval."""
+        return self.low <= self.promised <= self.high
+
 
 #: What `extensions` asks for, mostly as shares of the scenario's own values: for `eros-config1` the rows that stand in
 #: docs/results/reproduction.md, 10, 14 and 18 km, 480, 600 and 720 s, and one more target of 15 deg at longitude 60.
@@ -60,6 +86,9 @@ class Study:
         wall_s: Seconds by stage.
         interrupted: The stage in which an interruption came, after which nothing more was tried; empty: none came.
         deadline: When designs are on Earth, and what that excludes; None where `designer.deliver_within_h` asks for nothing.
+        nominal: The proven minimum without losses and dispersions, where `designer.probability` is given.
+        certainty: The fewest spacecraft for several probabilities, that of the scenario first; empty where none is given.
+        verified: Flights of the design with other seeds; None: none were flown.
     """
 
     scenario: Scenario
@@ -71,6 +100,9 @@ class Study:
     wall_s: dict[str, float]
     interrupted: str = ""
     deadline: DeadlineSearch | None = None
+    nominal: ExactResult | None = None
+    certainty: Sequence[Level] = ()
+    verified: Verified | None = None
 
     @property
     def selected(self) -> Ints:
@@ -102,22 +134,7 @@ class Study:
     @property
     def observers(self) -> list[dict[str, Any]]:
         """Entries of `design.observers` that fly the design; empty where its points alone do."""
-        design = self.scenario.design
-        chosen = [self.visibility.candidates[p - 1] for p in self.selected]
-        common = 0, design.imaging_altitude_m, design.time_of_flight_s, design.release_s, design.aim
-        if all(candidate[1:] == common for candidate in chosen):
-            return []
-        return [
-            {
-                "target": candidate.target,
-                "visiting_point": candidate.point,
-                "imaging_altitude_m": candidate.altitude_m,
-                "time_of_flight_s": candidate.time_of_flight_s,
-                "release_s": candidate.release_s,
-                "aim": candidate.aim,
-            }
-            for candidate in chosen
-        ]
+        return observers_of(self.scenario, [self.visibility.candidates[p - 1] for p in self.selected])
 
     @property
     def gap(self) -> int | None:
@@ -167,6 +184,8 @@ def study_design(
         KeyboardInterrupt: An interruption came before there was any design.
     """
     clock = _Clock(tell)
+    if scenario.designer.probability is not None:
+        losses_of(scenario)  # what cannot be priced is refused before anything is flown
     with clock.stage("candidates", "candidates' flights", "candidates' pictures") as (flying, judging):
         seen = visibility(scenario, workers=workers, progress=judging, flying=flying, costs=pareto)
     work = _Work(scenario, seen, cover_problem(scenario, seen), clock)
@@ -194,6 +213,8 @@ class _Work:
         self.genetic: dict[str, GeneticResult] = {}
         self.front: ParetoFront | None = None
         self.deadline = _deadline_search(scenario, seen, problem)
+        self.nominal: ExactResult | None = None
+        self.certainty: list[Level] = []
 
     def solve(self, pareto: bool) -> None:
         """All stages; evolution comes first, so that there is a good design when the proof takes long."""
@@ -201,11 +222,16 @@ class _Work:
         if self.deadline is not None:
             with self.clock.stage("least delivery", "least delivery"):
                 self.deadline.require_possible(limit)
-        self.evolve("repair")
+        robust = self.scenario.designer.probability is not None
+        if not robust:  # evolution knows of no losses
+            self.evolve("repair")
         with self.clock.stage("proof", f"proof, at most {limit:g} s") as (tell,):
             waiting = None if tell is None else lambda seconds: tell(seconds / limit)
             self.exact = self.prove(limit, waiting)
-        self.evolve("plain")
+        if robust:
+            self.secure(limit)
+        else:
+            self.evolve("plain")
         if pareto:
             from swarm_mj.designer.pareto import pareto_front
 
@@ -213,6 +239,33 @@ class _Work:
                 # The best coverage for each number of spacecraft, with proof, for evolution to start from.
                 known = [solve_budget(problem, n).points for n in range(1, self.exact.n_observers + 1)]
                 self.front = pareto_front(problem, self.seen.delta_v, known=known)
+
+    def secure(self, limit: float) -> None:
+        """The fewest spacecraft for the scenario's probability, and what others cost; the minimum so far is the nominal one.
+
+        Raises:
+            MissionError: No design keeps the scenario's probability, or none was found in time; the message says what is.
+        """
+        asked = self.scenario.designer.probability
+        assert asked is not None and self.exact is not None
+        self.nominal, self.exact = self.exact, None
+        with self.clock.stage("dispersed flights", "dispersed flights of the candidates") as (flying,):
+            search = robust_search(self.scenario, self.seen, flying)
+        for p in dict.fromkeys((asked, *CERTAINTIES)):
+            name = f"design for P = {p:g}, at most {limit:g} s"
+            with self.clock.stage(f"P = {p:g}", name) as (tell,):
+                level = search.fewest(p, limit, None if tell is None else partial(_share, tell, limit))
+            self.certainty.append(level)
+            if p == asked:
+                self.exact = self._robust(search, level, limit)
+
+    def _robust(self, search: RobustSearch, level: Level, limit: float) -> ExactResult:
+        """The answer for the scenario's probability in the words of the exact solver."""
+        if level.points is None:
+            raise MissionError(search.refusal(level, limit))
+        percent, status = self.problem.covered_percent(level.points), "optimal" if level.proven else "time limit"
+        seconds = self.clock.wall_s[f"P = {level.asked:g}"]
+        return ExactResult(len(level.points), level.points, percent, float(level.bound), status, seconds)
 
     def prove(self, limit: float, waiting: Waiting) -> ExactResult:
         """The proven minimum, on Earth in time where that is asked for."""
@@ -253,6 +306,8 @@ class _Work:
             wall_s=self.clock.wall_s,
             interrupted=self.clock.interrupted,
             deadline=self.deadline,
+            nominal=self.nominal,
+            certainty=self.certainty,
         )
 
     def _best_so_far(self) -> ExactResult:
@@ -273,6 +328,10 @@ def _deadline_search(scenario: Scenario, seen: Visibility, problem: CoverProblem
 
     needs = needs_of(scenario, seen.flights[0], seen.region, problem)
     return DeadlineSearch(problem=problem, needs=needs, limit_s=hours * HOUR, fly=fly)
+
+
+def _share(tell: Callable[[float], None], limit: float, seconds: float) -> None:
+    tell(min(seconds / limit, 1.0))
 
 
 class Growth(NamedTuple):
@@ -332,7 +391,7 @@ def _enumerated(values: Sequence[float], unit: float = 1.0) -> str:
 def growth(scenario: Scenario, *, workers: int | Runner | None = None, stage: Stage | None = None) -> list[Growth]:
     """The proven minimum under each of `extensions`, of seeing alone: when the map is on Earth is not asked."""
     rows = []
-    scenario = load_scenario(scenario, {"designer.deliver_within_h": None})
+    scenario = load_scenario(scenario, {"designer.deliver_within_h": None, "designer.probability": None})
     for change, overrides in extensions(scenario).items():
         if stage is not None:
             stage(change)

@@ -147,17 +147,54 @@ def compose_pareto(study: Study) -> Figure:
     return figure
 
 
+def compose_certainty(study: Study) -> Figure:
+    """What certainty costs: the fewest spacecraft for several probabilities, and what a campaign says of the design."""
+    figure = new_figure(4.2, f"Cost of certainty: {plain(study.scenario.name)}")
+    ax = figure.add_subplot()
+    levels = sorted(study.certainty, key=lambda level: level.asked)
+    found = [level for level in levels if level.points is not None]
+    numbers = np.array([len(level.points) for level in found if level.points is not None])
+    asked = np.array([level.asked for level in found])
+    promised = np.array([[level.promised, level.low, level.high] for level in found]).reshape(-1, 3)
+    ax.plot(numbers, asked, "_", color=BLACK, markersize=14, markeredgewidth=1.6, label="asked for")
+    around = np.maximum([promised[:, 0] - promised[:, 1], promised[:, 2] - promised[:, 0]], 0.0)
+    kept = "promised, with the error of its sample" if study.scenario.designer.realisations else "promised"
+    ax.errorbar(numbers, promised[:, 0], yerr=around, fmt="o", color=BLUE, markersize=5, capsize=3, label=kept)
+    for level in levels:
+        n = level.bound if level.points is None else len(level.points)
+        words = f"{level.asked:g}: {'none found' if level.points is None else n}"
+        words += "" if level.proven else f", at least {level.bound}"
+        annotate(ax, words, np.array([n, level.asked]), (10.0, -9.0), ha="left")
+    if study.verified is not None:
+        flown = study.verified
+        share, x = flown.covered / flown.flights, len(study.selected) - 0.12
+        ends = [[max(share - flown.low, 0.0)], [max(flown.high - share, 0.0)]]
+        ax.errorbar([x], [share], yerr=ends, fmt="s", color=VERMILLION, markersize=5, capsize=3,
+                    label=f"of {flown.flights:,} flights with other seeds")  # fmt: skip
+    if study.nominal is not None:
+        ax.axvline(study.nominal.n_observers, color=GREY, linestyle="--", linewidth=0.9, label="without losses")
+    ax.set_xlim(min([*numbers, *(level.bound for level in levels)], default=1) - 0.5, max([*numbers, 1]) + 1.0)
+    ax.set_ylim(min(0.45, *asked - 0.05, 1.0), 1.02)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    tidy(ax)
+    label(ax, "number of observers [-]", "probability of mapping enough [-]")
+    figure.legend(loc="outside lower center", ncols=2, fontsize=TICK_PT, frameon=False)
+    return figure
+
+
 COMPOSERS: dict[str, Callable[[Study], Figure]] = {
     "history": compose_history,
     "gene_map": compose_gene_map,
     "cover": compose_cover,
     "pareto": compose_pareto,
+    "certainty": compose_certainty,
 }
 
 
 def composers(study: Study) -> dict[str, Callable[[Study], Figure]]:
     """What composes the pictures that a design has the numbers for, by file stem."""
-    return {name: compose for name, compose in COMPOSERS.items() if name != "pareto" or study.front is not None}
+    there = {"pareto": study.front is not None, "history": bool(study.genetic), "certainty": bool(study.certainty)}
+    return {name: compose for name, compose in COMPOSERS.items() if there.get(name, True)}
 
 
 def draw_all(folder: Path, study: Study, *, pdf: bool = False) -> None:

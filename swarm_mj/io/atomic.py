@@ -39,7 +39,7 @@ FIGURES = {
     "run": ("behaviors", "trajectories", "target", "tracking_error", "pointing_error", "operation", "coverage", "ground_track",
             "footprints", "illumination", "wheel_speed", "wheel_momentum", "propulsion", "links", "contacts", "data",
             "delivered_map", "formation"),
-    "design": ("history", "gene_map", "cover", "pareto"),
+    "design": ("history", "gene_map", "cover", "pareto", "certainty"),
 }  # fmt: skip
 
 

@@ -14,6 +14,7 @@ import yaml
 
 from swarm_mj.designer.candidates.visibility import Visibility
 from swarm_mj.designer.deadline import HOUR
+from swarm_mj.designer.robust import Level
 from swarm_mj.designer.study import Growth, Study, describe
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.records import read_record
@@ -56,6 +57,8 @@ ALIKE = {"dedicated_communications", "adaptable_roles"}
 SEEN_ALIKE = ("observer", "interval_s", "resolution_px", "ground_resolution_m", "aperture_m", "wavelength_m")
 #: Farthest that a visiting point may lie from the design's, as a fraction of the imaging altitude.
 SAME_POINT = 1e-3
+#: What a level says of its design's probability.
+PROMISES = ("sought", "promised", "low", "high")
 #: What to do about a file of a design that cannot be read.
 REMEDY = "make the design again with `swarm-mj design`"
 
@@ -104,6 +107,7 @@ def design_record(study: Study) -> dict[str, Any]:
         "target_faces": seen.region.n_faces,
         "target_cells": len(seen.area),
         **_delivery_record(study),
+        **_certainty_record(study),
         "seed": scenario.seed,
         "wall_s": {name: round(seconds, 3) for name, seconds in study.wall_s.items()},
         "versions": library_versions(),
@@ -132,6 +136,32 @@ def _delivery_record(study: Study) -> dict[str, Any]:
         "delivery_bound_h": _hours(deadline.needs.soonest_s()),
         "designs_flown": len(deadline.arrivals),
         "delivery_cuts": len(deadline.cuts),
+    }
+
+
+def _certainty_record(study: Study) -> dict[str, Any]:
+    """What probabilities cost, and what a campaign says of the promise; empty where no probability was asked for."""
+    if not study.certainty or study.nominal is None:
+        return {}
+    verified, designer = study.verified, study.scenario.designer
+    return {
+        "probability": designer.probability,
+        "nominal_minimum": study.nominal.n_observers,
+        "realisations": designer.realisations,
+        "check_flights": designer.check_flights if designer.realisations else 0,
+        "certainty": [_level_record(level) for level in study.certainty],
+        "verified": None if verified is None else {**verified._asdict(), "inside": verified.inside},
+    }
+
+
+def _level_record(level: Level) -> dict[str, Any]:
+    return {
+        "probability": level.asked,
+        "n_observers": None if level.points is None else len(level.points),
+        "lower_bound": level.bound,
+        "candidates": [] if level.points is None else [int(p) for p in level.points],
+        "refused": level.refused,
+        **{name: None if np.isnan(value := getattr(level, name)) else round(value, 6) for name in PROMISES},
     }
 
 

@@ -43,6 +43,30 @@ class MadeFor(Record):
     behavior: str = Field(default="", alias="behavior.name")
 
 
+class Certainty(Record):
+    """The fewest spacecraft for one probability; no numbers where no design was found."""
+
+    probability: float
+    lower_bound: int
+    n_observers: int | None = None
+    promised: float | None = None
+    low: float | None = None
+    high: float | None = None
+    candidates: Annotated[list[int], FailFast()] = []
+
+
+class Verified(Record):
+    """Flights of a design with other seeds, and Wilson's interval of the share that saw enough."""
+
+    flights: PositiveInt
+    failed: int
+    covered: int
+    low: float
+    high: float
+    promised: float
+    inside: bool
+
+
 class DesignRecord(Record):
     """design.json, see `swarm_mj.records.design_files.design_record`."""
 
@@ -68,4 +92,8 @@ class DesignRecord(Record):
     genetic_delivered_in_time: dict[str, bool | None] = {}
     designs_flown: int = 0
     b_plane: Annotated[list[dict[str, float | None]], FailFast()] = []
+    probability: float | None = None
+    nominal_minimum: int | None = None
+    certainty: Annotated[list[Certainty], FailFast()] = []
+    verified: Verified | None = None
     visiting_points_A_m: Annotated[list[Place], FailFast()] = []

@@ -253,6 +253,27 @@ class Designer(Section):
         description="hours past the epoch within which the whole map of a design must be on Earth by the best schedule of its "
         "flight [h]; null: no such demand",
     )
+    probability: float | None = Field(
+        None,
+        gt=0,
+        lt=1,
+        description="with which a design must see all but tolerance_percent of the target, under the losses among the faults "
+        "and the dispersions [-]; null: it is designed as if nothing happened",
+    )
+    realisations: int = Field(
+        20,
+        ge=0,
+        le=10_000,
+        description="dispersed flights of all candidates on which a design for a probability is sought; 0: none, then only "
+        "losses are reckoned with, and candidates see what any rotation about the line of sight sees (any_roll)",
+    )
+    check_flights: int = Field(
+        100,
+        ge=2,
+        le=10_000,
+        description="dispersed flights of all candidates with other seeds, by which designs sought on the realisations are "
+        "judged; they give the probability that is promised",
+    )
     thin_from: int = Field(
         300,
         ge=1,
@@ -270,6 +291,13 @@ class Designer(Section):
                         f"{key}: must be empty with deliver_within_h = {self.deliver_within_h:g}, which is judged by one "
                         "flight; design for each of them alone"
                     )
+        return self
+
+    @model_validator(mode="after")
+    def _one_kind_of_safety(self) -> Self:
+        if self.probability is not None and (self.fold > 1 or self.deliver_within_h is not None):
+            key = "fold" if self.fold > 1 else "deliver_within_h"
+            raise ValueError(f"{key}: must be left out with probability = {self.probability:g}: give one of the two")
         return self
 
 

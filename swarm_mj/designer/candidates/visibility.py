@@ -16,7 +16,7 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import count, product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,6 +113,25 @@ class Candidate(NamedTuple):
     aim: Aim = "centre"
 
 
+def observers_of(scenario: Scenario, chosen: Sequence[Candidate]) -> list[dict[str, Any]]:
+    """Entries of `design.observers` that fly candidates; empty where their points alone do."""
+    design = scenario.design
+    common = 0, design.imaging_altitude_m, design.time_of_flight_s, design.release_s, design.aim
+    if all(candidate[1:] == common for candidate in chosen):
+        return []
+    return [
+        {
+            "target": candidate.target,
+            "visiting_point": candidate.point,
+            "imaging_altitude_m": candidate.altitude_m,
+            "time_of_flight_s": candidate.time_of_flight_s,
+            "release_s": candidate.release_s,
+            "aim": candidate.aim,
+        }
+        for candidate in chosen
+    ]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Visibility:
     """What every candidate sees.
@@ -162,7 +181,7 @@ def visibility(
     """Fly every candidate and judge its pictures.
 
     From `designer.thin_from` candidates on those are left out that see no more than others, as far as that is known beforehand,
-    see `Thinning`; not where `designer.deliver_within_h` asks more of them than what they see.
+    see `Thinning`; not where `designer.deliver_within_h` or `designer.probability` asks more of them than what they see.
 
     Args:
         scenario: Says what counts as observed, and with `designer` which altitudes, times and targets there are.
@@ -323,7 +342,11 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | R
     designer = scenario.designer
     with closing(Judge(found.region, imaging_model_from(scenario), scenario.observation, workers)) as judge:
         found.why = judge.why  # filled in as it judges
-        if len(watchers) < designer.thin_from or designer.deliver_within_h is not None:
+        if (
+            len(watchers) < designer.thin_from
+            or designer.deliver_within_h is not None
+            or designer.probability is not None
+        ):
             found.judge(judge, watchers, np.arange(len(watchers)))
             found.tell_never_lit(judge, [flights for _, _, flights in flown])
             return
@@ -356,7 +379,7 @@ def flight_variants(scenario: Scenario) -> list[Scenario]:
     variants = [
         load_scenario(scenario, dict(zip(choices, chosen, strict=True))) for chosen in product(*choices.values())
     ]
-    return variants if designer.fold == 1 else _apart(variants)
+    return variants if designer.fold == 1 and designer.probability is None else _apart(variants)
 
 
 def _apart(variants: list[Scenario]) -> list[Scenario]:
