@@ -248,8 +248,8 @@ def design(
             the pictures when these are done; None: nothing is written, see `Design.save`.
         pareto: Whether to trade spacecraft against delta-v and area too (NSGA-II).
         compare: Whether to find the minimum under demands and freedoms beyond the paper too.
-        verify: So many flights of the design with other seeds, which are kept in the folder and go on where they were
-            interrupted, show whether the probability asked for was promised rightly; None: none.
+        verify: So many flights of the design with other seeds show whether its probability is promised rightly; None: none.
+            They stand beside the folder, in one of its name with "-verification", and go on there where they were interrupted.
         quality_class: At which class a face must be mapped to count, see `designer.quality_class`; None: as the scenario says.
         workers: Processes for the candidates' pictures; None: one per core.
         scheduler: Address of a Dask cluster's scheduler whose workers fly and judge the candidates instead, e.g.
@@ -372,7 +372,7 @@ def _verified(found: Design, runs: int, bars: Progress | None, workers: int | No
     flown = load_scenario(found.scenario, design_overrides({"observers": [], **found.record}))
     campaign = {"name": f"{flown.name}-verification", "runs": runs, "record": ["coverage_percent"]}
     resolved = load_campaign({**campaign, "scenarios": [{"scenario": flown.model_dump(mode="json")}]})
-    folder = found.folder / "verification"
+    folder = found.folder.with_name(f"{found.folder.name}-verification")
     results = run_campaign(resolved, folder, workers=workers, resume=folder.exists(), bars=bars, figures=False).results
     covered = [bool(seen) for seen in results["covered"].to_pylist()]
     share = probability(sum(covered), runs)

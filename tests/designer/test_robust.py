@@ -181,7 +181,7 @@ def test_a_design_for_a_probability_is_written_flown_and_verified(tmp_path, monk
     assert record["n_observers"] == first["n_observers"] == len(record["visiting_points"])
     assert first["promised"] >= 0.9 and record["n_observers"] > record["nominal_minimum"]
     flown = record["verified"]
-    seen = pq.read_table(out / "verification" / "results.parquet")["covered"].to_pylist()
+    seen = pq.read_table(tmp_path / "design-verification" / "results.parquet")["covered"].to_pylist()
     assert (flown["flights"], flown["covered"]) == (3, sum(seen))
     assert flown["inside"] == (flown["low"] <= first["promised"] <= flown["high"])
     assert {"certainty.png", "cover.png"} <= {path.name for path in out.iterdir()}
