@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from swarm_mj.coordination.allocation.annealing import annealed
 from swarm_mj.coordination.allocation.auction import Auction
 from swarm_mj.coordination.allocation.greedy import greedy
 from swarm_mj.coordination.allocation.optimum import optimum
@@ -13,17 +15,31 @@ from swarm_mj.coordination.allocation.problem import Allocation, AllocationProbl
 from swarm_mj.coordination.encounter import Encounter
 from swarm_mj.typing import Array, Ints, Mask
 
-#: Share of the time that the proof may take; the rest is spent on one agent after the other.
-PROOF_SHARE = 0.4
+#: Most pictures of a problem whose bound is looked for by the solver: beyond, it takes longer than it may to write the program.
+MOST_PROVEN = 20_000
 #: Slots that the auction in flight looks ahead, so that long flights cost no more than short ones.
 MOST_SLOTS = 120
 
 
-def problem_of(encounter: Encounter) -> AllocationProblem:
-    """All pictures of an encounter; the patches are its cells."""
-    agents, _, slots, _ = encounter.shows.shape
+def problem_of(
+    encounter: Encounter, *, agent: int | None = None, budget: Sequence[int] | None = None, most: int | None = None
+) -> AllocationProblem:
+    """The pictures of an encounter; the patches are its cells.
+
+    Args:
+        encounter: What can be shown.
+        agent: Whose pictures alone, as agent 0; None: of all.
+        budget: Most pictures of each; None: any number.
+        most: Most pictures of all together; None: any number.
+    """
+    chosen = slice(None) if agent is None else slice(agent, agent + 1)
+    shows, slots = encounter.shows[chosen], len(encounter.slot_s)
     return AllocationProblem(
-        weight=encounter.area, shows=encounter.shows, slew=encounter.slew, budget=np.full(agents, slots)
+        weight=encounter.area,
+        shows=shows,
+        slew=encounter.slew[chosen],
+        budget=np.full(len(shows), slots) if budget is None else np.minimum(budget, slots),
+        most=most,
     )
 
 
@@ -36,23 +52,16 @@ def planned_alone(encounter: Encounter) -> Allocation:
     return allocation_of(problem, tuple(pictures), "each alone")
 
 
-def planned_together(encounter: Encounter, time_limit_s: float) -> Allocation:
-    """The best plan found in a time [s], with a bound: greedy choice, each agent's pictures made best in turn, the proof."""
-    problem = problem_of(encounter)
-    best = greedy(problem)
-    each_s = (1.0 - PROOF_SHARE) * time_limit_s / max(problem.n_agents, 1)
-    for agent in sorted(range(problem.n_agents), key=lambda a: -len(best.pictures[a])):
-        others = tuple(() if a == agent else taken for a, taken in enumerate(best.pictures))
-        weight = np.where(problem.shown_by(others), 0.0, problem.weight)
-        rest = replace(problem, weight=weight, available=_only(problem, agent))
-        if not rest.possible.any():
-            continue
-        own = optimum(rest, each_s).pictures[agent]
-        trial = allocation_of(problem, (*others[:agent], own, *others[agent + 1 :]), "time limit")
-        best = trial if trial.value > best.value else best
-    proof = optimum(problem, PROOF_SHARE * time_limit_s)
+def planned_together(problem: AllocationProblem, time_limit_s: float) -> Allocation:
+    """The best plan known, with a bound: greedy choice, improved by annealing, and what the solver proves in a time [s]."""
+    start = greedy(problem)
+    pictures = annealed(problem, start.pictures, np.random.default_rng(0))
+    best = allocation_of(problem, pictures, "time limit")
+    if len(problem.pictures.agent) > MOST_PROVEN:
+        return best
+    proof = optimum(problem, time_limit_s)
     found = proof if proof.value > best.value else best
-    return replace(found, bound=min(proof.bound, problem.coverable), status=proof.status)
+    return replace(found, bound=max(proof.bound, found.value), status=proof.status)
 
 
 def _only(problem: AllocationProblem, agent: int) -> Mask:

@@ -110,7 +110,7 @@ def coordination_plan(plan: Any, swarm: Swarm) -> CoordinationPlan:
     if parts["sensing"] == "own":
         pictures = alone(encounter)
     elif parts["sensing"] == "plan" or parts["relay"] == "plan":
-        pictures = together(encounter, swarm.plan_time_limit_s)
+        pictures = together(encounter, swarm.plan_time_limit_s).pictures
     observer, criterion = observer_from(scenario, plan.region), scenario.observation
 
     def cells_shown(view: SwarmView, j: int) -> Mask:

@@ -8,7 +8,7 @@ import pytest
 from swarm_mj.coordination.coordinated_behavior import CoordinatedBehavior, CoordinationPlan
 from swarm_mj.coordination.encounter import Encounter
 from swarm_mj.coordination.graph import Graph
-from swarm_mj.coordination.replanning import MOST_SLOTS, planned_alone, planned_together
+from swarm_mj.coordination.replanning import MOST_SLOTS, planned_alone, planned_together, problem_of
 from swarm_mj.dataflow.network import Access
 from swarm_mj.mission.behaviors import SwarmView, TargetKind
 
@@ -104,7 +104,7 @@ def test_what_a_lost_one_had_seen_is_seen_again_after_its_silence(encounter):
 
 
 def test_a_plan_is_not_repaired(encounter):
-    plan = planned_together(encounter, 2.0)
+    plan = planned_together(problem_of(encounter), 2.0)
     assert plan.value == pytest.approx(encounter.area.sum()) and plan.proven
     who = next(a for a in range(N) if plan.pictures[a])
     hand = Hand(encounter, sensing="plan", relay="plan", pictures=plan.pictures, works=lost_from(0.5, who))

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from swarm_mj.coordination.encounter import Track, aim_points, following, shown_cells
+from swarm_mj.coordination.encounter import Track, aim_points, following, reach_of, shown_cells
 from swarm_mj.mission.target import build_target
 from swarm_mj.observation.camera import CameraModel, look_at, motion_blur_px
 from swarm_mj.observation.capture import observe
@@ -39,9 +39,13 @@ def track(free=None):
     return Track(r_A, v_A, np.ones((4, 3), bool) if free is None else free, np.tile([1.0, 1.0, 0.2], (4, 1)))
 
 
+def aims_of(criterion, there):
+    return aim_points(target(), CAMERA, reach_of(target(), criterion, CAMERA, there))[0]
+
+
 @pytest.mark.parametrize("criterion", [ANY, LIMITED], ids=["any", "limited"])
 def test_a_picture_shows_what_counts_in_it_and_the_kept_table_is_the_same(criterion):
-    observer, aims_A, there = HorizonObserver(target(), CAMERA), aim_points(target(), CAMERA, 1000.0), track()
+    observer, aims_A, there = HorizonObserver(target(), CAMERA), aims_of(criterion, track()), track()
     shows = shown_cells(observer, criterion, aims_A, there)
     for a, m, k in np.ndindex(shows.shape[:3]):
         pose = look_at(there.r_A[k, a], aims_A[m])
@@ -54,7 +58,7 @@ def test_a_picture_shows_what_counts_in_it_and_the_kept_table_is_the_same(criter
 
 
 def test_who_is_still_aboard_the_mothership_shows_nothing():
-    observer, aims_A = HorizonObserver(target(), CAMERA), aim_points(target(), CAMERA, 1000.0)
+    observer, aims_A = HorizonObserver(target(), CAMERA), aims_of(ANY, track())
     free = np.arange(4)[:, None] >= np.array([0, 2, 0])
     held, all_free = (shown_cells(observer, ANY, aims_A, track(f)) for f in (free, None))
     assert all_free[1, :, :2].any() and not held[1, :, :2].any()
