@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,12 +12,14 @@ from swarm_mj.coordination.allocation.annealing import annealed
 from swarm_mj.coordination.allocation.auction import Auction
 from swarm_mj.coordination.allocation.greedy import greedy
 from swarm_mj.coordination.allocation.optimum import optimum
-from swarm_mj.coordination.allocation.problem import Allocation, AllocationProblem, allocation_of
+from swarm_mj.coordination.allocation.problem import Allocation, AllocationProblem, Schedule, allocation_of
 from swarm_mj.coordination.encounter import Encounter
 from swarm_mj.typing import Array, Ints, Mask
 
 #: Most pictures of a problem whose bound is looked for by the solver: beyond, it takes longer than it may to write the program.
 MOST_PROVEN = 20_000
+#: Moves of annealing of a plan that is repaired in flight: a tenth of a second.
+REPLAN_MOVES = 50_000
 #: Slots that the auction in flight looks ahead, so that long flights cost no more than short ones.
 MOST_SLOTS = 120
 
@@ -82,6 +85,42 @@ def auction_from(
         can: Who can take pictures, shape (a,).
         aim: What each is turned to, -1 for elsewhere, shape (a,).
     """
+    wanted: Mask = np.asarray((known[can] > 0.0).any(axis=0))
+    problem = _problem_left(encounter, t, wanted, can, aim)
+    auction = Auction(problem, known, can)
+    if before is not None:
+        auction.bid[:], auction.winner[:], auction.heard[:] = before.bid, before.winner, before.heard
+    return auction
+
+
+def replanned(
+    encounter: Encounter, pictures: Sequence[Schedule], *, t: float, wanted: Mask, who: Mask
+) -> list[Schedule]:
+    """A plan of which some plan their pictures after a time anew, never to show less of what is wanted.
+
+    All who know the same come to the same plan.
+
+    Args:
+        encounter: What can be shown.
+        pictures: Of each, as planned so far.
+        t: Now [s].
+        wanted: Cells that are to be shown, shape (cells,).
+        who: Plans anew, shape (a,).
+    """
+    slot = encounter.slot_after(t)
+    done = [bisect_left(plan, (slot,)) for plan in pictures]
+    aim = np.array([plan[n - 1][1] if n else -1 for plan, n in zip(pictures, done, strict=True)])
+    problem = _problem_left(encounter, t, wanted, who, aim)
+    ahead = [[(k - slot, m) for k, m in plan[n:]] for plan, n in zip(pictures, done, strict=True)]
+    start = tuple(tuple(p for p in plan if p[0] < problem.n_slots) if who[j] else () for j, plan in enumerate(ahead))
+    found = annealed(problem, start, np.random.default_rng(0), REPLAN_MOVES)
+    return [
+        (*plan[: done[j]], *((k + slot, m) for k, m in found[j])) if who[j] else plan for j, plan in enumerate(pictures)
+    ]
+
+
+def _problem_left(encounter: Encounter, t: float, wanted: Mask, can: Mask, aim: Ints) -> AllocationProblem:
+    """The pictures of the next `MOST_SLOTS` slots after a time [s], of some cells, by who can take some; see `auction_from`."""
     slot = encounter.slot_after(t)
     coming = slice(slot, slot + MOST_SLOTS)
     shows, free = encounter.shows[:, :, coming], encounter.slot_s[coming] - t
@@ -91,15 +130,10 @@ def auction_from(
         agent = np.arange(len(aim))
         takes = np.where(aim[:, None] >= 0, encounter.slew[agent, np.maximum(aim, 0)], 0)
         shows = shows & (np.ceil(free / encounter.interval_s - 1e-6) >= takes[:, :, None])[..., None]
-    wanted = (known[can] > 0.0).any(axis=0)
-    problem = AllocationProblem(
+    return AllocationProblem(
         weight=np.where(wanted, encounter.area, 0.0),
         shows=shows,
         slew=encounter.slew,
         budget=np.full(len(can), len(free)),
         available=np.tile(can[:, None], (1, len(free))),
     )
-    auction = Auction(problem, known, can)
-    if before is not None:
-        auction.bid[:], auction.winner[:], auction.heard[:] = before.bid, before.winner, before.heard
-    return auction

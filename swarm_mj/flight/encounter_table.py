@@ -48,24 +48,25 @@ _MADE: list[_Made] = []
 MOST_MADE = 16
 
 
-def encounter_of(plan: Any) -> Encounter:
+def encounter_of(plan: Any, tolerance: float = TOLERANCE) -> Encounter:
     """What the observers of a `swarm_mj.flight.plan.Plan` can show when; made once for a plan that is flown again.
 
-    Only the slots are kept in which anybody shows anything; others would be empty.
+    Only the slots are kept in which anybody shows anything; others would be empty. A slew lasts until the pointing error is below
+    `tolerance` of the camera's half-angle.
     """
     scenario = plan.scenario
     parts = (plan.deployment, plan.region, plan.environment, plan.controller, plan.properties)
     sections = (scenario.camera, scenario.observation, scenario.control, scenario.design)
-    settings = f"{scenario.duration_s} {[section.model_dump_json() for section in sections]}"
+    settings = f"{tolerance} {scenario.duration_s} {[section.model_dump_json() for section in sections]}"
     for made in _MADE:
         if made.settings == settings and all(a is b for a, b in zip(made.parts, parts, strict=True)):
             return made.encounter
-    encounter = _made(plan)
+    encounter = _made(plan, tolerance)
     _MADE[:] = [*_MADE[1 - MOST_MADE :], _Made(parts, settings, encounter)]
     return encounter
 
 
-def _made(plan: Any) -> Encounter:
+def _made(plan: Any, tolerance: float) -> Encounter:
     scenario = plan.scenario
     camera = replace(camera_from(scenario), shape="cone")
     period = scenario.control.period_s
@@ -77,7 +78,7 @@ def _made(plan: Any) -> Encounter:
     reach = reach_of(plan.region, scenario.observation, camera, track)
     slots = np.flatnonzero(reach.useful.any(axis=1))
     kept = np.arange(slots[0], slots[-1] + 1) if len(slots) else np.arange(len(slot_s))
-    track, slot_s = Track(*(part[kept] for part in track)), slot_s[kept]
+    track, slot_s = Track(track.r_A[kept], track.v_A[kept], track.free[kept], track.sun_A[kept]), slot_s[kept]
     reach = reach._replace(useful=reach.useful[kept])
     aims_A, spacing = aim_points(plan.region, camera, reach)
     observer = make_observer(plan.region, camera, kind="horizon", occlusion=scenario.observation.occlusion)
@@ -85,7 +86,7 @@ def _made(plan: Any) -> Encounter:
         shows = shown_cells(observer, scenario.observation, aims_A, track, reach)
     finally:
         observer.close()
-    table = settling_times(plan.controller, plan.properties, period, TOLERANCE * radians(camera.half_angle_deg))
+    table = settling_times(plan.controller, plan.properties, period, tolerance * radians(camera.half_angle_deg))
     angle = turning_angles(aims_A, track.r_A, np.asarray(shows.any(axis=(1, 3))))
     useful = np.flatnonzero(shows.any(axis=(0, 1, 3)))
     kept = np.arange(useful[0], useful[-1] + 1) if len(useful) else np.arange(len(slot_s))

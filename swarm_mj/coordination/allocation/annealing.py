@@ -68,7 +68,7 @@ def _annealed(
         agent, slot, aim = pictures.agent[x], pictures.slot[x], pictures.aim[x]
         if held[agent, slot] == x:
             continue
-        count, change = 0, 0.0
+        count, change = np.int64(0), 0.0
         for k in range(max(slot - reach + 1, 0), min(slot + reach, slots)):
             y = held[agent, k]
             if y >= 0 and in_conflict(slew, agent, slot, aim, k, pictures.aim[y]):
@@ -78,7 +78,7 @@ def _annealed(
             y = held[agent, int(rng.random() * slots)]
             if y < 0:
                 continue
-            dropped[0], count = y, 1
+            dropped[0], count = y, np.int64(1)
         for y in dropped[:count]:
             change += _count(pictures, y, -1, weight, shown)
         change += _count(pictures, x, 1, weight, shown)
