@@ -112,9 +112,8 @@ class CoordinationState:
         self.relay = np.arange(n) if mission.relay == "own" else np.full(n, int(np.argmin(mission.succession)))
         self.auction: Auction | None = None
         a = len(mission.pictures)
-        #: What each takes for the plan of all; the cells that its own pictures were to show so far; those of them that nobody
-        #: will show any more, as it last knew them; and whom it last took for alive.
-        self.believed = [list(mission.pictures) for _ in range(a)]
+        #: Cells that each one's pictures were to show so far; those of them that, as it last knew, nobody will show; and whom it
+        #: last took for alive.
         self.owed, self.missing = np.zeros((2, a, encounter.n_cells), np.bool_)
         self.alive = np.ones((a, a), np.bool_)
         self.slot = -1
@@ -215,24 +214,18 @@ class CoordinatedBehavior:
             log.as_planned += bool(takes[j] and seen >= AS_PLANNED * encounter.area[due].sum())
 
     def _repair(self, state: CoordinationState, view: SwarmView, works: Mask) -> None:
-        """Plan anew what is left: together who falls silent for others, alone who misses cells of its own pictures."""
+        """Who misses cells of its pictures, or takes another for lost, plans anew what is left beside the others' plans."""
         mission, encounter, t = self.mission, self.mission.encounter, view.t
         camera_on, a = works if view.camera_on is None else view.camera_on, len(mission.pictures)
         for j in np.flatnonzero(works[:a] & camera_on[:a]).tolist():
             alive = state.knowledge.alive(j, t)[:a] if mission.talks else state.alive[j]
-            open_, plan = ~state.knowledge.seen(j, t), state.believed[j]
-            others = alive & (np.arange(a) != j)
-            left = open_ & ~shown_cells_of(encounter, plan, others, 0)
-            missing = left & state.owed[j] & ~shown_cells_of(encounter, plan, ~others & alive, encounter.slot_after(t))
-            lost = state.alive[j] & ~alive
-            state.alive[j] = alive
+            own, lost = np.arange(a) == j, state.alive[j] & ~alive
+            wanted = ~state.knowledge.seen(j, t) & ~shown_cells_of(encounter, mission.pictures, alive & ~own, 0)
+            missing = wanted & state.owed[j] & ~shown_cells_of(encounter, state.pictures, own, encounter.slot_after(t))
             if lost.any() or (missing & ~state.missing[j]).any():
-                who = alive if lost.any() else np.arange(a) == j
-                state.believed[j] = replanned(encounter, plan, t=t, wanted=open_ if lost.any() else left, who=who)
-                state.pictures[j] = state.believed[j][j]
+                state.pictures[j] = replanned(encounter, state.pictures[j], j, t=t, wanted=wanted)
                 state.log.repaired += 1
-                state.log.events.append(CoordinationEvent(t, j, "plans anew", "with others" if lost.any() else "alone"))
-            state.missing[j] = missing
+            state.alive[j], state.missing[j] = alive, missing
 
     def _plan(self, state: CoordinationState, view: SwarmView, works: Mask) -> None:
         mission, knowledge, t = self.mission, state.knowledge, view.t

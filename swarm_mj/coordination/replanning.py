@@ -93,30 +93,23 @@ def auction_from(
     return auction
 
 
-def replanned(
-    encounter: Encounter, pictures: Sequence[Schedule], *, t: float, wanted: Mask, who: Mask
-) -> list[Schedule]:
-    """A plan of which some plan their pictures after a time anew, never to show less of what is wanted.
-
-    All who know the same come to the same plan.
+def replanned(encounter: Encounter, pictures: Schedule, agent: int, *, t: float, wanted: Mask) -> Schedule:
+    """An agent's plan with the pictures after a time made anew, for it alone.
 
     Args:
         encounter: What can be shown.
-        pictures: Of each, as planned so far.
+        pictures: Of the agent, as planned so far.
+        agent: Who.
         t: Now [s].
-        wanted: Cells that are to be shown, shape (cells,).
-        who: Plans anew, shape (a,).
+        wanted: Cells that it is to show if it can, shape (cells,).
     """
-    slot = encounter.slot_after(t)
-    done = [bisect_left(plan, (slot,)) for plan in pictures]
-    aim = np.array([plan[n - 1][1] if n else -1 for plan, n in zip(pictures, done, strict=True)])
-    problem = _problem_left(encounter, t, wanted, who, aim)
-    ahead = [[(k - slot, m) for k, m in plan[n:]] for plan, n in zip(pictures, done, strict=True)]
-    start = tuple(tuple(p for p in plan if p[0] < problem.n_slots) if who[j] else () for j, plan in enumerate(ahead))
+    slot, who = encounter.slot_after(t), np.arange(len(encounter.shows)) == agent
+    done = bisect_left(pictures, (slot,))
+    problem = _problem_left(encounter, t, wanted, who, np.where(who, pictures[done - 1][1] if done else -1, -1))
+    ahead = tuple((k - slot, m) for k, m in pictures[done:] if k < slot + problem.n_slots)
+    start = tuple(ahead if own else () for own in who)
     found = annealed(problem, start, np.random.default_rng(0), REPLAN_MOVES)
-    return [
-        (*plan[: done[j]], *((k + slot, m) for k, m in found[j])) if who[j] else plan for j, plan in enumerate(pictures)
-    ]
+    return (*pictures[:done], *((k + slot, m) for k, m in found[agent]))
 
 
 def _problem_left(encounter: Encounter, t: float, wanted: Mask, can: Mask, aim: Ints) -> AllocationProblem:

@@ -51,8 +51,8 @@ MOST_MADE = 16
 def encounter_of(plan: Any, tolerance: float = TOLERANCE) -> Encounter:
     """What the observers of a `swarm_mj.flight.plan.Plan` can show when; made once for a plan that is flown again.
 
-    Only the slots are kept in which anybody shows anything; others would be empty. A slew lasts until the pointing error is below
-    `tolerance` of the camera's half-angle.
+    Only the slots are kept in which anybody shows anything; others would be empty. A slew lasts until the pointing error is
+    below `tolerance` of the camera's half-angle.
     """
     scenario = plan.scenario
     parts = (plan.deployment, plan.region, plan.environment, plan.controller, plan.properties)

@@ -55,10 +55,10 @@ def _annealed(
 ) -> Ints:
     """Number of the picture of each agent in each slot, -1 for none, shape (a, k), from `held`, which is changed."""
     shown, left, all_left = np.zeros(len(weight), np.int64), budget.copy(), most
-    for x in held.ravel():
-        if x >= 0:
-            _count(pictures, x, 1, weight, shown)
-            left[pictures.agent[x]] -= 1
+    for y in held.ravel():
+        if y >= 0:
+            _count(pictures, y, 1, weight, shown)
+            left[pictures.agent[y]] -= 1
             all_left -= 1
     gained, record, best, temperature = 0.0, 0.0, held.copy(), heat[0]
     reach, slots, dropped = int(slew.max()), held.shape[1], np.empty(held.shape[1], np.int64)
@@ -68,7 +68,7 @@ def _annealed(
         agent, slot, aim = pictures.agent[x], pictures.slot[x], pictures.aim[x]
         if held[agent, slot] == x:
             continue
-        count, change = np.int64(0), 0.0
+        count, change = 0, 0.0
         for k in range(max(slot - reach + 1, 0), min(slot + reach, slots)):
             y = held[agent, k]
             if y >= 0 and in_conflict(slew, agent, slot, aim, k, pictures.aim[y]):
@@ -78,7 +78,7 @@ def _annealed(
             y = held[agent, int(rng.random() * slots)]
             if y < 0:
                 continue
-            dropped[0], count = y, np.int64(1)
+            dropped[0], count = y, 1
         for y in dropped[:count]:
             change += _count(pictures, y, -1, weight, shown)
         change += _count(pictures, x, 1, weight, shown)
@@ -95,6 +95,17 @@ def _annealed(
         gained += change
         if gained > record + 1e-9 * heat[0]:
             record, best[:] = gained, held
+    shown[:] = 0
+    for y in best.ravel():
+        if y >= 0:
+            _count(pictures, y, 1, weight, shown)
+    for k in range(slots):
+        for agent in range(len(budget)):  # what the others show as well is not taken
+            y = best[agent, k]
+            if y >= 0 and _count(pictures, y, -1, weight, shown) == 0.0:
+                best[agent, k] = -1
+            elif y >= 0:
+                _count(pictures, y, 1, weight, shown)
     return best
 
 
