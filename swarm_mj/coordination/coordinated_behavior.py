@@ -112,8 +112,8 @@ class CoordinationState:
         self.relay = np.arange(n) if mission.relay == "own" else np.full(n, int(np.argmin(mission.succession)))
         self.auction: Auction | None = None
         a = len(mission.pictures)
-        #: Cells that each one's pictures were to show so far; those of them that, as it last knew, nobody will show; and whom it
-        #: last took for alive.
+        # Of each: cells that its pictures were to show so far; those of them that, as it last knew, nobody will show; and whom
+        # it last took for alive.
         self.owed, self.missing = np.zeros((2, a, encounter.n_cells), np.bool_)
         self.alive = np.ones((a, a), np.bool_)
         self.slot = -1

@@ -17,8 +17,8 @@ from swarm_mj.typing import Array, Ints
 
 #: Temperatures at first and at last, over the weight that can be covered: the best of some that were tried on `eros-observe`.
 HOT, COLD = 0.01, 1e-4
-#: Moves, and patches looked at in all of them: some seconds.
-MOVES, MOST_LOOKS = 2_000_000, 100_000_000
+#: Moves, moves for each picture, and patches looked at in all of them: some seconds.
+MOVES, MOVES_EACH, MOST_LOOKS = 2_000_000, 1000, 100_000_000
 
 
 def annealed(
@@ -28,7 +28,9 @@ def annealed(
     pictures = problem.pictures
     if not len(pictures.agent):
         return start
-    moves = min(moves, MOST_LOOKS * len(pictures.agent) // max(len(pictures.patch), 1))
+    moves = min(
+        moves, MOVES_EACH * len(pictures.agent), MOST_LOOKS * len(pictures.agent) // max(len(pictures.patch), 1)
+    )
     number = np.full((problem.n_agents, problem.n_slots, problem.n_aims), -1, np.int64)
     number[pictures.agent, pictures.slot, pictures.aim] = np.arange(len(pictures.agent))
     held = np.full(number.shape[:2], -1, np.int64)
