@@ -84,6 +84,13 @@ def _delivered(summary: dict[str, Any]) -> str:
     return "; ".join([percent_digits(percent), *filter(None, words)])
 
 
+def _planned(summary: dict[str, Any]) -> str:
+    plan = summary.get("picture_plan")
+    if plan is None:
+        return "-"
+    return f"{percent_digits(plan['planned_percent'])}; {plan['bound_percent']:.2f}; {plan['gap_percent']:.2f}"
+
+
 def _complete(summary: dict[str, Any]) -> str:
     full, earliest = (summary.get(key) for key in ("time_to_all_data_s", "time_to_all_data_s_bound"))
     return "-" if full is None else f"{full:.0f}" + ("" if earliest is None else f"; {earliest:.0f}")
@@ -105,6 +112,7 @@ _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "target faces": lambda s: str(s["target_faces"]),
     "criterion, camera half-angle": lambda s: f"{criterion_text(s)}, {s['camera_half_angle_deg']:g} deg",
     "observed area P_TO [%]": lambda s: percent_digits(s["coverage_percent"]),
+    "planned by the plan of pictures [%]; bound; gap": _planned,
     "the same, whole passage [%]": lambda s: percent_digits(s["coverage_percent_passage"]),
     "not observed, by cause": lambda s: causes_text(s) or "-",
     "of the target delivered to Earth [%]": _delivered,

@@ -14,18 +14,20 @@ from typing import NamedTuple
 import numpy as np
 
 from swarm_mj.coordination.allocation.auction import Auction
-from swarm_mj.coordination.allocation.problem import Schedule
+from swarm_mj.coordination.allocation.problem import Allocation, Schedule
 from swarm_mj.coordination.bus import Bus, MessageLog
 from swarm_mj.coordination.encounter import Encounter
 from swarm_mj.coordination.graph import Graph
 from swarm_mj.coordination.knowledge import Knowledge
-from swarm_mj.coordination.replanning import auction_from
+from swarm_mj.coordination.replanning import auction_from, replanned
 from swarm_mj.dataflow.network import Access
 from swarm_mj.mission.behaviors import SwarmView, TargetKind, Targets, looks_at_body
 from swarm_mj.typing import Array, Ints, Mask
 
 #: Before the first picture that shows anything the auction begins: enough for all to agree and to turn [s].
 AHEAD_S = 120.0
+#: Share of the area that a picture was to show from which on it counts as taken as planned.
+AS_PLANNED = 0.95
 #: The parts that make a class.
 PARTS = {
     0: {"sensing": "own", "relay": "own"},
@@ -34,6 +36,15 @@ PARTS = {
     3: {"sensing": "plan", "relay": "plan"},
     4: {"sensing": "auction", "relay": "election"},
 }
+
+
+class PicturePlan(NamedTuple):
+    """Pictures that were planned together."""
+
+    encounter: Encounter  #: by which
+    allocation: Allocation  #: the pictures, what they show, and the bound
+    objective: str = "mapped"  #: or 'delivered'
+    repaired: bool = False  #: whether what is left is planned anew in flight when a picture fails
 
 
 class CoordinationEvent(NamedTuple):
@@ -60,6 +71,7 @@ class CoordinationPlan:
     silence_s: float  #: see `Knowledge`
     seed: int  #: of lost messages
     access: Access  #: of the channel
+    planned: PicturePlan | None = None  #: where sensing is 'plan'
     dedicated_communications: bool = False  #: whether the last spacecraft takes no pictures
 
     @property
@@ -72,12 +84,20 @@ class CoordinationPlan:
         """Whether messages are sent."""
         return self.sensing == "auction" or self.relay == "election"
 
+    @property
+    def repairs(self) -> bool:
+        """Whether plans are repaired in flight."""
+        return self.planned is not None and self.planned.repaired
+
 
 @dataclass(eq=False, kw_only=True)
 class CoordinationLog(MessageLog):
     """What a flight's coordination came to: entries after each picture, and `events` in order of time."""
 
     events: list[CoordinationEvent] = field(default_factory=list)
+    taken: int = 0  #: planned pictures, of plans that are repaired
+    as_planned: int = 0  #: those that showed at least `AS_PLANNED` of the area that they were to show
+    repaired: int = 0  #: how often a spacecraft planned anew
 
 
 class CoordinationState:
@@ -91,6 +111,11 @@ class CoordinationState:
         self.aim = np.full(n, -1, np.int64)  # pictured last, or turned to
         self.relay = np.arange(n) if mission.relay == "own" else np.full(n, int(np.argmin(mission.succession)))
         self.auction: Auction | None = None
+        a = len(mission.pictures)
+        # Of each: cells that its pictures were to show so far; those of them that, as it last knew, nobody will show; and whom
+        # it last took for alive.
+        self.owed, self.missing = np.zeros((2, a, encounter.n_cells), np.bool_)
+        self.alive = np.ones((a, a), np.bool_)
         self.slot = -1
         self.log = CoordinationLog()
         self.targets = targets_for(self.pictures, 0, self.relay, encounter.aims_A)
@@ -138,8 +163,9 @@ class CoordinatedBehavior:
     def _act(self, state: CoordinationState, view: SwarmView) -> None:
         mission, t = self.mission, view.t
         works = np.ones(mission.n, np.bool_) if view.working is None else view.working
-        if mission.talks:
+        if mission.talks or mission.repairs:
             self._look(state, view, works)
+        if mission.talks:
             for message in state.bus.arrived(t):
                 if works[message.receiver]:
                     state.knowledge.hear(message.receiver, message.payload)
@@ -147,6 +173,8 @@ class CoordinatedBehavior:
                         if message.receiver < state.auction.problem.n_agents:
                             state.auction.hear(message.receiver, message.payload.claims)
             self._plan(state, view, works)
+        if mission.repairs:
+            self._repair(state, view, works)
         slot = mission.encounter.slot_after(t)
         for j in np.flatnonzero(works):
             coming = next_picture(state.pictures[j], slot)
@@ -161,13 +189,43 @@ class CoordinatedBehavior:
 
     def _look(self, state: CoordinationState, view: SwarmView, works: Mask) -> None:
         """What the pictures just taken show, each for itself."""
-        slots = self.mission.encounter.slot_s
+        encounter, slots = self.mission.encounter, self.mission.encounter.slot_s
         if not (np.abs(slots - view.t) <= self._step_s * 0.5).any():
             return
         camera_on = works if view.camera_on is None else view.camera_on
         for j in range(len(self.mission.pictures)):
             if works[j] and camera_on[j] and looks_at_body(state.targets.kind[j]):
                 state.knowledge.held[j, j] |= self.mission.cells_shown(view, j)
+
+        if self.mission.repairs:
+            self._compare(state, encounter.slot_after(view.t) - 1, works & camera_on)
+
+    def _compare(self, state: CoordinationState, slot: int, takes: Mask) -> None:
+        """Hold what was seen in a slot against what was to be seen."""
+        encounter, log = self.mission.encounter, state.log
+        for j in range(len(self.mission.pictures)):
+            picture = next_picture(state.pictures[j], slot)
+            if picture is None or picture[0] != slot:
+                continue
+            due = encounter.shows[j, picture[1], slot]
+            state.owed[j] |= due
+            seen = encounter.area[due & state.knowledge.held[j, j]].sum()
+            log.taken += 1
+            log.as_planned += bool(takes[j] and seen >= AS_PLANNED * encounter.area[due].sum())
+
+    def _repair(self, state: CoordinationState, view: SwarmView, works: Mask) -> None:
+        """Who misses cells of its pictures, or takes another for lost, plans anew what is left beside the others' plans."""
+        mission, encounter, t = self.mission, self.mission.encounter, view.t
+        camera_on, a = works if view.camera_on is None else view.camera_on, len(mission.pictures)
+        for j in np.flatnonzero(works[:a] & camera_on[:a]).tolist():
+            alive = state.knowledge.alive(j, t)[:a] if mission.talks else state.alive[j]
+            own, lost = np.arange(a) == j, state.alive[j] & ~alive
+            wanted = ~state.knowledge.seen(j, t) & ~shown_cells_of(encounter, mission.pictures, alive & ~own, 0)
+            missing = wanted & state.owed[j] & ~shown_cells_of(encounter, state.pictures, own, encounter.slot_after(t))
+            if lost.any() or (missing & ~state.missing[j]).any():
+                state.pictures[j] = replanned(encounter, state.pictures[j], j, t=t, wanted=wanted)
+                state.log.repaired += 1
+            state.alive[j], state.missing[j] = alive, missing
 
     def _plan(self, state: CoordinationState, view: SwarmView, works: Mask) -> None:
         mission, knowledge, t = self.mission, state.knowledge, view.t
@@ -219,6 +277,15 @@ class CoordinatedBehavior:
                 claims, length = state.auction.message(j), state.auction.message_bits
             report, bits = state.knowledge.report(j, view.t, claims)
             state.bus.broadcast(view.t, j, bits + length, report, graph)
+
+
+def shown_cells_of(encounter: Encounter, pictures: Sequence[Schedule], who: Mask, slot: int) -> Mask:
+    """Cells that planned pictures of some observers, shape (a,), show from a slot on, shape (cells,)."""
+    shown = np.zeros(encounter.n_cells, np.bool_)
+    for j in np.flatnonzero(who).tolist():
+        for k, aim in pictures[j][bisect_left(pictures[j], (slot,)) :]:
+            shown |= encounter.shows[j, aim, k]
+    return shown
 
 
 def next_picture(pictures: Schedule, slot: int) -> tuple[int, int] | None:

@@ -11,24 +11,30 @@ moves on) is small for the angles between parts of one target.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache, partial
+from math import radians
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.spatial import KDTree
 
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraMotion, look_at
-from swarm_mj.observation.capture import keeps_limits, limits_of, observe, sight
+from swarm_mj.observation.capture import causes, incidence, keeps_limits, limits_of, lit_cells, sight
+from swarm_mj.observation.coverage import Cause
 from swarm_mj.observation.observer import Observer
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array, Ints, Mask
 
-#: Aims across a picture's width: with fewer, edges stay unseen; with more, plans take longer and see little more.
-AIMS_PER_PICTURE = 1.5
-#: Most aims along a side of the target.
-MOST_AIMS = 6
+#: Every cell lies within this share of a picture's half-width of an aim, from the farthest place where it can be pictured: what
+#: any picture shows, that of some aim has in the field of view. With less, plans take longer and show little more.
+COVER = 0.6
+#: Most pictures that a table judges, and most cells of all of them: some minutes, and half a gigabyte.
+MOST_PICTURES, MOST_ENTRIES = 200_000, 400_000_000
 #: Kept tables together [bytes].
 MAX_CACHE_BYTES = 256 * 2**20
 #: Turns that are tried [deg].
@@ -48,6 +54,8 @@ class Encounter:
     slew: Ints  #: slots from an observer's picture of one aim to one of another, shape (a, m, m)
     area: Array  #: of the cells, shape (c,) [m^2]
     interval_s: float  #: what `slew` counts: between a spacecraft's pictures [s]
+    #: most that a cell lies from an aim, over what `COVER` asks for; above 1 where the table would have become too large
+    spacing: float = 1.0
 
     @property
     def n_cells(self) -> int:
@@ -68,26 +76,62 @@ class Track(NamedTuple):
     sun_A: Array  #: direction to the Sun in A, shape (k, 3)
 
 
-def aim_points(region: TargetRegion, camera: CameraModel, distance: float) -> Array:
-    """Points on the target to aim at, in a grid over its pyramid, shape (m, 3) [m].
+class Reach(NamedTuple):
+    """What can be pictured at all, wherever cameras look: a bound on `shown_cells` by limits and light at the centroids."""
 
-    Args:
-        region: The target.
-        camera: Its pictures are laid side by side and a little over one another.
-        distance: From which pictures are taken [m].
+    useful: Mask  #: whether an observer can picture anything in a slot, shape (k, a)
+    farthest_m: Array  #: largest distance from which a cell can be pictured, 0 for never, shape (cells,)
+
+
+def reach_of(region: TargetRegion, criterion: Observation, camera: CameraModel, track: Track) -> Reach:
+    """What a camera can picture of a target from a track by the criterion."""
+    limits, useful = limits_of(criterion, camera, region), np.zeros(track.free.shape, np.bool_)
+    farthest, darkest = np.zeros(region.n_cells), radians(criterion.max_incidence_deg)
+    for k, a in np.argwhere(track.free):
+        distance, height = sight(region, track.r_A[k, a])
+        kept = keeps_limits(limits, distance, height)
+        if criterion.needs_sun and kept.any():
+            kept &= incidence(region, track.sun_A[k]) <= darkest
+        useful[k, a] = kept.any()
+        farthest = np.maximum(farthest, np.where(kept, distance, 0.0))
+    return Reach(useful, farthest)
+
+
+def aim_points(region: TargetRegion, camera: CameraModel, reach: Reach) -> tuple[Array, float]:
+    """Centroids of cells to aim at, whose pictures have in view whatever can be pictured of a target of any shape.
+
+    Greedy set cover: next is always the cell with most area within reach that no aim has yet, see `COVER`.
+
+    Returns:
+        Aims, shape (m, 3) [m], and by how much they lie farther apart than that, see `Encounter.spacing`.
     """
-    east, north, out = (region.centroid_A @ region.axes_A.T).T
-    side, radius = np.tan(region.side_half_angle), float(np.linalg.norm(region.centroid_A, axis=1).mean())
-    wide = 2.0 * camera.tan_half_angle * distance
-    count = int(np.clip(np.ceil(AIMS_PER_PICTURE * 2.0 * side * radius / wide), 1, MOST_AIMS))
-    middle = side * ((2.0 * np.arange(count) + 1.0) / count - 1.0)
-    tangents = np.stack(np.meshgrid(middle, middle, indexing="ij"), axis=-1).reshape(-1, 2)
-    apart = np.hypot(*(tangents[:, :, None] - np.stack([north / out, east / out])[None]).transpose(1, 0, 2))
-    aims: Array = region.centroid_A[np.unique(np.argmin(apart, axis=1))]
-    return aims
+    wanted = np.flatnonzero(reach.farthest_m)
+    if not len(wanted):
+        return region.centroid_A[:1], 1.0
+    slots, observers = reach.useful.any(axis=1).sum(), reach.useful.shape[1]
+    most = max(min(MOST_PICTURES // reach.useful.sum(), MOST_ENTRIES // (slots * observers * region.n_cells)), 1)
+    places, spacing = region.centroid_A[wanted], 1.0
+    width = COVER * camera.tan_half_angle * reach.farthest_m[wanted]
+    while len(aims := _cover(places, spacing * width, region.area[wanted])) > most:
+        spacing *= max(float(np.sqrt(len(aims) / most)), 1.05)
+    return places[aims], spacing
 
 
-def shown_cells(observer: Observer, criterion: Observation, aims_A: Array, track: Track) -> Mask:
+def _cover(places: Array, radius: Array, area: Array) -> list[int]:
+    """Numbers of places such that each, shape (n, 3) [m], lies within its radius [m] of one, those of most area first."""
+    near = KDTree(places).query_ball_point(places, radius)
+    row = np.repeat(np.arange(len(places)), [len(found) for found in near])
+    within = csr_array((np.ones(len(row)), (np.concatenate(near).astype(np.int64), row)), shape=(len(places),) * 2)
+    left, chosen = area.copy(), list[int]()
+    while left.any():
+        chosen.append(int(np.argmax(within @ left)))
+        left[within.indices[slice(*within.indptr[chosen[-1] : chosen[-1] + 2])]] = 0.0
+    return chosen
+
+
+def shown_cells(
+    observer: Observer, criterion: Observation, aims_A: Array, track: Track, reach: Reach | None = None
+) -> Mask:
     """Cells that count in pictures from planned places, shape (a, m, k, cells); kept on disk.
 
     Args:
@@ -95,6 +139,7 @@ def shown_cells(observer: Observer, criterion: Observation, aims_A: Array, track
         criterion: When a cell counts.
         aims_A: Each picture's camera keeps one in its middle, shape (m, 3) [m].
         track: Where everything will be.
+        reach: From `reach_of`; None: it is worked out.
     """
     region, camera = observer.region, observer.camera
     text = f"4 {camera} {criterion} {observer.name} {observer.occlusion}"
@@ -109,17 +154,30 @@ def shown_cells(observer: Observer, criterion: Observation, aims_A: Array, track
     kept = load_array(file, (*shape[:3], width))
     if kept is not None:
         return np.unpackbits(kept.astype(np.uint8), axis=3, count=region.n_cells).astype(np.bool_)
-    shows, limits = np.zeros(shape, np.bool_), limits_of(criterion, camera, region)
-    for k, a in np.argwhere(track.free):
-        r_A = track.r_A[k, a]
-        if not keeps_limits(limits, *sight(region, r_A)).any():
-            continue
-        for m, aim in enumerate(aims_A):
-            C_CA = look_at(r_A, aim).C_CA
-            motion = following(aim - r_A, track.v_A[k, a], C_CA)
-            shows[a, m, k] = observe(observer, r_A, C_CA, criterion, track.sun_A[k], motion)
+    shows, outline = (
+        np.zeros(shape, np.bool_),
+        np.linalg.norm(region.corners_A - region.centroid_A[:, None], axis=2).max(),
+    )
+    for k, free in enumerate((reach or reach_of(region, criterion, camera, track)).useful):
+        light = cache(partial(lit_cells, observer, criterion, track.sun_A[k]))
+        for a in np.flatnonzero(free):
+            r_A = track.r_A[k, a]
+            distance, height = sight(region, r_A)
+            kept = keeps_limits(limits_of(criterion, camera, region), distance, height)
+            for m in np.flatnonzero(_beside(region.centroid_A[kept] - r_A, aims_A - r_A, camera, float(outline))):
+                pose = look_at(r_A, aims_A[m])
+                motion = following(aims_A[m] - r_A, track.v_A[k, a], pose.C_CA)
+                shows[a, m, k] = causes(observer, pose, criterion, motion=motion, light=light) == Cause.NONE
     store_array(file, np.packbits(shows, axis=3).astype(np.float32), folder_bytes=MAX_CACHE_BYTES)
     return shows
+
+
+def _beside(cells: Array, aims: Array, camera: CameraModel, outline: float) -> Mask:
+    """At which aims a picture may show any of some cells within a cone; both from the camera [m], shapes (c, 3) and (m, 3)."""
+    distance = np.linalg.norm(cells, axis=1)
+    cosine = aims @ (cells / distance[:, None]).T / np.linalg.norm(aims, axis=1)[:, None]
+    margin = radians(camera.half_angle_deg) + np.arcsin(np.minimum(outline / distance, 1.0))
+    return np.asarray((np.arccos(np.clip(cosine, -1.0, 1.0)) <= margin).any(axis=1))
 
 
 def following(to_aim_A: Array, v_A: Array, C_CA: Array) -> CameraMotion:

@@ -12,7 +12,7 @@ import xarray as xr
 
 from swarm_mj.coordination.allocation.problem import Schedule
 from swarm_mj.coordination.bus import MessageLog
-from swarm_mj.coordination.coordinated_behavior import PARTS, CoordinatedBehavior, CoordinationPlan
+from swarm_mj.coordination.coordinated_behavior import PARTS, CoordinatedBehavior, CoordinationPlan, PicturePlan
 from swarm_mj.coordination.graph import Graph, graph_at
 from swarm_mj.dataflow.contacts import Contacts, Instant, radios_from
 from swarm_mj.dataflow.network import Access
@@ -102,15 +102,31 @@ class CoordinatedMissionBehavior:
         raise MissionError("swarm.class: a coordinated swarm must know its mission; use for_flight(plan) first")
 
 
-def coordination_plan(plan: Any, swarm: Swarm) -> CoordinationPlan:
-    """What the swarm of a `swarm_mj.flight.plan.Plan` is given before its release."""
-    scenario, parts = plan.scenario, parts_chosen(swarm)
-    encounter = encounter_of(plan)
+def coordination_plan(
+    plan: Any,
+    swarm: Swarm,
+    parts: dict[str, str] | None = None,
+    planned: PicturePlan | None = None,
+    succession: Ints | None = None,
+) -> CoordinationPlan:
+    """What the swarm of a `swarm_mj.flight.plan.Plan` is given before its release.
+
+    Args:
+        plan: What is flown.
+        swarm: How it coordinates.
+        parts: Of the swarm; None: those of its class.
+        planned: Its pictures; None: planned as its parts ask for.
+        succession: See `CoordinationPlan`; None: by its pictures.
+    """
+    scenario, parts = plan.scenario, parts or parts_chosen(swarm)
+    encounter = encounter_of(plan) if planned is None else planned.encounter
     pictures: tuple[Schedule, ...] = ((),) * plan.n_observers
+    if planned is None and (parts["sensing"] == "plan" or parts["relay"] == "plan"):
+        planned = PicturePlan(encounter, together(encounter, swarm.plan_time_limit_s))
     if parts["sensing"] == "own":
         pictures = alone(encounter)
-    elif parts["sensing"] == "plan" or parts["relay"] == "plan":
-        pictures = together(encounter, swarm.plan_time_limit_s)
+    elif planned is not None:
+        pictures = planned.allocation.pictures
     observer, criterion = observer_from(scenario, plan.region), scenario.observation
 
     def cells_shown(view: SwarmView, j: int) -> Mask:
@@ -128,7 +144,8 @@ def coordination_plan(plan: Any, swarm: Swarm) -> CoordinationPlan:
         encounter=encounter,
         pictures=pictures,
         **parts,
-        succession=succession_of(plan, pictures, encounter.slot_s[-1]),
+        planned=planned if parts["sensing"] == "plan" else None,
+        succession=succession_of(plan, pictures, encounter.slot_s[-1]) if succession is None else succession,
         cells_shown=cells_shown,
         graph=links_of(plan, swarm),
         silence_s=swarm.silence_s,
@@ -170,8 +187,12 @@ def links_of(plan: Any, swarm: Swarm) -> Callable[[SwarmView, Targets], Graph]:
 
 
 def record_coordination(telemetry: xr.Dataset, behavior: Any) -> None:
-    """Add what the messages of a coordinated swarm came to; nothing where the behaviour is another or sends none."""
-    if not isinstance(behavior, CoordinatedBehavior) or not behavior.mission.talks:
+    """Add what plan and messages of a coordinated swarm came to; nothing where the behaviour is another or has neither."""
+    if not isinstance(behavior, CoordinatedBehavior):
+        return
+    if behavior.mission.planned is not None:
+        telemetry.attrs["picture_plan"] = json.dumps(picture_plan_summary(behavior))
+    if not behavior.mission.talks:
         return
     add_messages(telemetry, behavior.log, BITS, AIRTIME)
     names = telemetry["spacecraft"].values
@@ -186,11 +207,32 @@ def add_messages(telemetry: xr.Dataset, log: MessageLog, *names: str) -> None:
         telemetry[name] = VARIABLES[name].of(values)
 
 
+def picture_plan_summary(behavior: CoordinatedBehavior) -> dict[str, Any]:
+    """A plan of pictures beside its bound, in shares of the target, and what its pictures showed in flight."""
+    encounter, log = behavior.mission.encounter, behavior.log
+    assert behavior.mission.planned is not None
+    planned, percent = behavior.mission.planned.allocation, 100.0 / float(encounter.area.sum())
+    found = {
+        "objective": behavior.mission.planned.objective,
+        "planned_percent": round(percent * planned.value, 6),
+        "bound_percent": round(percent * planned.bound, 6),
+        "gap_percent": round(100.0 * (1.0 - planned.value / planned.bound), 6) if planned.bound else 0.0,
+        "proven": planned.proven,
+        "pictures": sum(map(len, planned.pictures)),
+        "aims": len(encounter.aims_A),
+        "aim_spacing": round(encounter.spacing, 3),
+    }
+    if not behavior.mission.planned.repaired:
+        return found
+    return found | {"taken": log.taken, "as_planned": log.as_planned, "plans_repaired": log.repaired}
+
+
 def coordination_summary(telemetry: xr.Dataset) -> dict[str, Any]:
-    """Keys of the summary; empty for flights without messages."""
+    """Keys of the summary; empty for flights without plan and messages."""
+    planned = {"picture_plan": json.loads(telemetry.attrs["picture_plan"])} if "picture_plan" in telemetry.attrs else {}
     if BITS not in telemetry:
-        return {}
-    return {
+        return planned
+    return planned | {
         "coordination_bits": int(telemetry[BITS].values[-1].sum()),
         "coordination_airtime_s": float(telemetry[AIRTIME].values[-1].sum()),
         "coordination_events": json.loads(telemetry.attrs["coordination_events"]),

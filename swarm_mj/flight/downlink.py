@@ -283,7 +283,8 @@ class SampledSwarm:
         """With those who speak to Earth at each time after the flight, numbers from 0, shape (m, k)."""
         if not len(self.course.t):
             return self.flown
-        return joined(self.flown, post_flight_instants(self.plan, self.telemetry, self.course, relays))
+        last_BN = dcm(self.telemetry["sigma_BN"].values[-1])
+        return joined(self.flown, post_flight_instants(self.plan, last_BN, self.course, relays))
 
     def contacts(self, instants: Instants) -> Contacts:
         """What geometry, radios, attitude control and the swarm's class allow besides the messages of coordination."""

@@ -9,17 +9,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swarm_mj.coordination.allocation.problem import Schedule
+from swarm_mj.coordination.allocation.problem import Allocation, Schedule, allocation_of
 from swarm_mj.coordination.encounter import (
     Encounter,
     Track,
     aim_points,
+    reach_of,
     settling_times,
     shown_cells,
     slots_between,
     turning_angles,
 )
-from swarm_mj.coordination.replanning import planned_alone, planned_together
+from swarm_mj.coordination.replanning import planned_alone, planned_together, problem_of
 from swarm_mj.flight.observe import camera_from, schedule_from
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.deployment import planned_paths
@@ -29,7 +30,9 @@ from swarm_mj.typing import Array
 #: Pointing error at which a planned picture still counts, of the camera's half-angle.
 TOLERANCE = 0.4
 #: Raise when plans are made otherwise.
-PLAN_VERSION = 1
+PLAN_VERSION = 2
+#: Relative difference of value and bound that counts as none: bounds are kept in single precision.
+PROVEN = 1e-6
 
 
 class _Made(NamedTuple):
@@ -45,24 +48,25 @@ _MADE: list[_Made] = []
 MOST_MADE = 16
 
 
-def encounter_of(plan: Any) -> Encounter:
+def encounter_of(plan: Any, tolerance: float = TOLERANCE) -> Encounter:
     """What the observers of a `swarm_mj.flight.plan.Plan` can show when; made once for a plan that is flown again.
 
-    Only the slots are kept in which anybody shows anything; others would be empty.
+    Only the slots are kept in which anybody shows anything; others would be empty. A slew lasts until the pointing error is
+    below `tolerance` of the camera's half-angle.
     """
     scenario = plan.scenario
     parts = (plan.deployment, plan.region, plan.environment, plan.controller, plan.properties)
     sections = (scenario.camera, scenario.observation, scenario.control, scenario.design)
-    settings = f"{scenario.duration_s} {[section.model_dump_json() for section in sections]}"
+    settings = f"{tolerance} {scenario.duration_s} {[section.model_dump_json() for section in sections]}"
     for made in _MADE:
         if made.settings == settings and all(a is b for a, b in zip(made.parts, parts, strict=True)):
             return made.encounter
-    encounter = _made(plan)
+    encounter = _made(plan, tolerance)
     _MADE[:] = [*_MADE[1 - MOST_MADE :], _Made(parts, settings, encounter)]
     return encounter
 
 
-def _made(plan: Any) -> Encounter:
+def _made(plan: Any, tolerance: float) -> Encounter:
     scenario = plan.scenario
     camera = replace(camera_from(scenario), shape="cone")
     period = scenario.control.period_s
@@ -71,13 +75,18 @@ def _made(plan: Any) -> Encounter:
     track = track_of(plan, slot_s)
     takers = np.array([schedule.takers(round(t / period), plan.n)[: plan.n_observers] for t in slot_s])
     track = track._replace(free=track.free & takers)
-    aims_A = aim_points(plan.region, camera, scenario.design.imaging_altitude_m)
+    reach = reach_of(plan.region, scenario.observation, camera, track)
+    slots = np.flatnonzero(reach.useful.any(axis=1))
+    kept = np.arange(slots[0], slots[-1] + 1) if len(slots) else np.arange(len(slot_s))
+    track, slot_s = Track(track.r_A[kept], track.v_A[kept], track.free[kept], track.sun_A[kept]), slot_s[kept]
+    reach = reach._replace(useful=reach.useful[kept])
+    aims_A, spacing = aim_points(plan.region, camera, reach)
     observer = make_observer(plan.region, camera, kind="horizon", occlusion=scenario.observation.occlusion)
     try:
-        shows = shown_cells(observer, scenario.observation, aims_A, track)
+        shows = shown_cells(observer, scenario.observation, aims_A, track, reach)
     finally:
         observer.close()
-    table = settling_times(plan.controller, plan.properties, period, TOLERANCE * radians(camera.half_angle_deg))
+    table = settling_times(plan.controller, plan.properties, period, tolerance * radians(camera.half_angle_deg))
     angle = turning_angles(aims_A, track.r_A, np.asarray(shows.any(axis=(1, 3))))
     useful = np.flatnonzero(shows.any(axis=(0, 1, 3)))
     kept = np.arange(useful[0], useful[-1] + 1) if len(useful) else np.arange(len(slot_s))
@@ -88,6 +97,7 @@ def _made(plan: Any) -> Encounter:
         slew=slots_between(angle, table, scenario.observation.interval_s, period).astype(np.int64),
         area=plan.region.weighted_area,
         interval_s=scenario.observation.interval_s,
+        spacing=spacing,
     )
 
 
@@ -114,17 +124,27 @@ def alone(encounter: Encounter) -> tuple[Schedule, ...]:
 
 
 @lru_cache(maxsize=MOST_MADE)
-def together(encounter: Encounter, time_limit_s: float) -> tuple[Schedule, ...]:
-    """The pictures of `planned_together`, kept on disk: what a solver finds in its time may differ from run to run."""
-    agents, _, slots, _ = encounter.shows.shape
+def together(
+    encounter: Encounter, time_limit_s: float, budget: tuple[int, ...] | None = None, most: int | None = None
+) -> Allocation:
+    """`planned_together`, kept on disk: what a solver finds in its time may differ from run to run.
+
+    Most pictures of each, `budget`, and of all together, `most`: None for any number.
+    """
+    problem = problem_of(encounter, budget=budget, most=most)
     packed = np.packbits(encounter.shows, axis=3)
-    key = hash_of(f"{PLAN_VERSION} {time_limit_s:g}", packed, encounter.slew, np.round(encounter.area, 3))
-    file = cache_folder() / "plans" / f"{key}.npy"
-    kept = load_array(file, (agents, slots))
+    text = f"{PLAN_VERSION} {time_limit_s:g} {budget} {most}"
+    key = hash_of(text, packed, encounter.slew, np.round(encounter.area, 3))
+    file, shape = cache_folder() / "plans" / f"{key}.npy", (problem.n_agents + 1, problem.n_slots)
+    kept = load_array(file, shape)
     if kept is None:
-        kept = np.full((agents, slots), -1.0, np.float32)
-        for agent, taken in enumerate(planned_together(encounter, time_limit_s).pictures):
+        kept, found = np.full(shape, -1.0, np.float32), planned_together(problem, time_limit_s)
+        for agent, taken in enumerate(found.pictures):
             for slot, aim in taken:
                 kept[agent, slot] = aim
+        kept[-1, 0] = np.nextafter(np.float32(found.bound / problem.coverable), np.float32(1.0))
         store_array(file, kept)
-    return tuple(tuple((int(k), int(row[k])) for k in np.flatnonzero(row >= 0)) for row in kept)
+    rows = (tuple((int(k), int(row[k])) for k in np.flatnonzero(row >= 0)) for row in kept[:-1])
+    found = allocation_of(problem, tuple(rows), "time limit")
+    bound = max(float(kept[-1, 0]) * problem.coverable, found.value)
+    return replace(found, bound=bound, status="optimal" if found.value >= bound * (1.0 - PROVEN) else "time limit")

@@ -131,8 +131,8 @@ def _path(plan: Plan, r: Array, v: Array, grid: Array) -> Array:
         return r[None] if len(grid) <= 2 else _path(plan, r, v, grid[: len(grid) // 2 + 1])
 
 
-def post_flight_instants(plan: Plan, telemetry: xr.Dataset, course: Course, relays: Ints) -> Instants:
-    """The swarm after its flight, with those who speak to Earth at each time: numbers from 0, shape (m, k)."""
+def post_flight_instants(plan: Plan, C_BN: Array, course: Course, relays: Ints) -> Instants:
+    """The swarm after its flight, turned from attitudes, shape (n, 3, 3); numbers of who speaks to Earth, (m, k)."""
     times, r_N, works = course
     earth_N = np.array([plan.environment.earth.at(t) for t in times]).reshape(-1, 3)
     mode, tracked = roles(r_N, works, relays)
@@ -141,7 +141,7 @@ def post_flight_instants(plan: Plan, telemetry: xr.Dataset, course: Course, rela
     return Instants(
         t=times,
         r_BN_N=r_N,
-        C_BN=turned(dcm(telemetry["sigma_BN"].values[-1]), towards),
+        C_BN=turned(C_BN, towards),
         C_AN=np.array([plan.environment.C_AN(t) for t in times]).reshape(-1, 3, 3),
         earth_N=earth_N,
         mode=mode,

@@ -111,6 +111,21 @@ class FormationHeld(Record):
     empty_s: ByName
 
 
+class PicturePlanSummary(Record):
+    """A plan of pictures beside its bound, see `swarm_mj.flight.coordination.picture_plan_summary`."""
+
+    objective: Literal["mapped", "delivered"]
+    planned_percent: Percent
+    bound_percent: Percent
+    gap_percent: Percent
+    proven: bool
+    pictures: NonNegativeInt
+    aim_spacing: NonNegativeFloat
+    taken: NonNegativeInt | None = None
+    as_planned: NonNegativeInt | None = None
+    plans_repaired: NonNegativeInt | None = None
+
+
 class NavigationSummary(Record):
     """What linear covariance says of a flight's corrections, as far as it is read again."""
 
@@ -157,6 +172,7 @@ class RunSummary(Record):
     deployment_findings: list[str] = []
     navigation: NavigationSummary = NavigationSummary()
     formation: FormationHeld | None = None
+    picture_plan: PicturePlanSummary | None = None
     pointing_error_deg_arrival: ByName = {}
     attitude_knowledge_error_deg_arrival: ByName = {}
     sensors: str = "not told"

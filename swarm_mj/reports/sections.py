@@ -41,6 +41,7 @@ def summary_section(run: RunRecord) -> Html:
     size = shown_size(1e6 * summary["target_area_km2"], 2).replace("^2", "²")
     numbers = [
         (P_TO, percent_text(summary["coverage_percent"]), _criterion(summary)),
+        *_planned(summary),
         *_delivered(summary),
         ("observed, whole passage", percent_text(summary["coverage_percent_passage"]), f"{summary['images']} pictures"),
         *((label, share, "by geometry and light of its looks") for label, share in mapped_texts(summary).items()),
@@ -64,6 +65,16 @@ def _criterion(summary: dict[str, Any]) -> str:
     missing = causes_text(summary)
     light += ", by weighted area" if summary.get("weighted") else ""
     return CRITERION[summary["criterion"]] + light + (f"; not observed: {missing}" if missing else "")
+
+
+def _planned(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """What the plan of pictures shows, and at most could show, where there is one."""
+    plan = summary.get("picture_plan")
+    if plan is None:
+        return []
+    bound = "proven best" if plan["proven"] else f"at most {plan['bound_percent']:.2f} % possible"
+    taken = f"; {plan['as_planned']} of {plan['taken']} pictures as planned" if plan.get("taken") is not None else ""
+    return [("planned by its plan of pictures", percent_text(plan["planned_percent"]), bound + taken)]
 
 
 def _delivered(summary: dict[str, Any]) -> list[tuple[str, str, str]]:

@@ -187,8 +187,8 @@ class Behavior(Section):
 
     name: str = Field(
         "dedicated_communications",
-        description="plug-in: dedicated_communications, adaptable_roles, target_sweep, scripted_policy, trained_policy or "
-        f"{YOUR_OWN}",
+        description="plug-in: dedicated_communications, adaptable_roles, target_sweep, planned_sweep, scripted_policy, "
+        f"trained_policy or {YOUR_OWN}",
     )
     parameters: Parameters = Field(default_factory=dict, description="arguments of the plug-in")
     imaging_radius_m: float = Field(

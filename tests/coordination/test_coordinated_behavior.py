@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swarm_mj.coordination.coordinated_behavior import CoordinatedBehavior, CoordinationPlan
+from swarm_mj.coordination.coordinated_behavior import CoordinatedBehavior, CoordinationPlan, PicturePlan
 from swarm_mj.coordination.encounter import Encounter
 from swarm_mj.coordination.graph import Graph
-from swarm_mj.coordination.replanning import MOST_SLOTS, planned_alone, planned_together
+from swarm_mj.coordination.replanning import MOST_SLOTS, planned_alone, planned_together, problem_of
 from swarm_mj.dataflow.network import Access
 from swarm_mj.mission.behaviors import SwarmView, TargetKind
 
@@ -104,7 +104,7 @@ def test_what_a_lost_one_had_seen_is_seen_again_after_its_silence(encounter):
 
 
 def test_a_plan_is_not_repaired(encounter):
-    plan = planned_together(encounter, 2.0)
+    plan = planned_together(problem_of(encounter), 2.0)
     assert plan.value == pytest.approx(encounter.area.sum()) and plan.proven
     who = next(a for a in range(N) if plan.pictures[a])
     hand = Hand(encounter, sensing="plan", relay="plan", pictures=plan.pictures, works=lost_from(0.5, who))
@@ -112,6 +112,43 @@ def test_a_plan_is_not_repaired(encounter):
     kinds = {k for _, kind, _ in hand.fly() for k in kind}
     assert kinds <= {TargetKind.SURFACE, TargetKind.EARTH, TargetKind.SPACECRAFT}
     assert hand.memory.bus.bits.sum() == 0
+
+
+def repaired(encounter, plan, **more):
+    return Hand(
+        encounter, sensing="plan", pictures=plan.pictures, planned=PicturePlan(encounter, plan, repaired=True), **more
+    )
+
+
+def test_a_picture_that_fails_is_taken_again_by_who_missed_it(encounter):
+    plan = planned_together(problem_of(encounter), 2.0)
+    who = next(a for a in range(N) if plan.pictures[a])
+    first = encounter.slot_s[plan.pictures[who][0][0]]
+    quiet, failed = repaired(encounter, plan, relay="plan"), repaired(encounter, plan, relay="plan")
+    quiet.fly()
+    assert quiet.seen.any(axis=0).all() and quiet.swarm.log.repaired == 0
+    assert quiet.swarm.log.as_planned == quiet.swarm.log.taken == sum(map(len, plan.pictures))
+    shown = failed.cells_shown
+    failed.cells_shown = lambda view, j: shown(view, j) & ~((j == who) & (abs(view.t - first) < 1.0))
+    failed.swarm = CoordinatedBehavior(replace(failed.swarm.mission, cells_shown=failed.cells_shown))
+    failed.fly()
+    assert failed.swarm.log.repaired == 1
+    assert failed.memory.knowledge.held.any(axis=(0, 1)).all()
+    times = [slot for slot, _ in failed.memory.pictures[who]]
+    assert len(times) == len(plan.pictures[who]) + 1 and min(np.diff(times)) >= 1
+    others = [j for j in range(N) if j != who]
+    assert all(failed.memory.pictures[j] == plan.pictures[j] for j in others if j < len(plan.pictures))
+
+
+def test_those_who_hear_nothing_of_a_lost_one_take_its_pictures_too(encounter):
+    plan = planned_together(problem_of(encounter), 2.0)
+    who = next(a for a in range(N) if plan.pictures[a])
+    alone, told = (repaired(encounter, plan, relay=relay, works=lost_from(0.5, who)) for relay in ("plan", "election"))
+    alone.fly()
+    told.fly()
+    others = np.arange(N) != who
+    assert not alone.seen[others].any(axis=0).all()
+    assert told.seen[others].any(axis=0).all() and told.swarm.log.repaired >= 1
 
 
 def test_alone_everybody_looks_at_everything(encounter):

@@ -5,13 +5,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from swarm_mj.coordination.encounter import Track, aim_points, following, shown_cells
-from swarm_mj.mission.target import build_target
+from swarm_mj.coordination import encounter
+from swarm_mj.coordination.encounter import Track, aim_points, following, reach_of, shown_cells
+from swarm_mj.mission.target import build_target, whole_body
 from swarm_mj.observation.camera import CameraModel, look_at, motion_blur_px
 from swarm_mj.observation.capture import observe
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.scenarios.schema_imaging import Observation
+from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_harmonics import build_ellipsoid
+from tests.sample_missions.flights import dumbbell
 
 CAMERA = CameraModel(half_angle_deg=3.0, shape="cone", exposure_s=0.01)
 ANY = Observation(light="ignored", max_emission_deg=90.0, min_pixels=0.0)
@@ -39,9 +42,13 @@ def track(free=None):
     return Track(r_A, v_A, np.ones((4, 3), bool) if free is None else free, np.tile([1.0, 1.0, 0.2], (4, 1)))
 
 
+def aims_of(criterion, there):
+    return aim_points(target(), CAMERA, reach_of(target(), criterion, CAMERA, there))[0]
+
+
 @pytest.mark.parametrize("criterion", [ANY, LIMITED], ids=["any", "limited"])
 def test_a_picture_shows_what_counts_in_it_and_the_kept_table_is_the_same(criterion):
-    observer, aims_A, there = HorizonObserver(target(), CAMERA), aim_points(target(), CAMERA, 1000.0), track()
+    observer, aims_A, there = HorizonObserver(target(), CAMERA), aims_of(criterion, track()), track()
     shows = shown_cells(observer, criterion, aims_A, there)
     for a, m, k in np.ndindex(shows.shape[:3]):
         pose = look_at(there.r_A[k, a], aims_A[m])
@@ -53,8 +60,37 @@ def test_a_picture_shows_what_counts_in_it_and_the_kept_table_is_the_same(criter
     np.testing.assert_array_equal(shown_cells(observer, criterion, aims_A, there), shows)
 
 
+@pytest.mark.parametrize("narrow", [3.0, 8.0])
+def test_aims_have_in_view_whatever_any_picture_of_a_whole_body_can_show(narrow):
+    # Overhangs: two balls and a neck, seen from all around.
+    mesh = dumbbell()
+    region = whole_body(ShapeModel(np.array(mesh.vertices), np.array(mesh.faces), "dumb-bell"))
+    camera, turn = CameraModel(half_angle_deg=narrow, shape="cone"), np.radians(np.arange(0, 360, 45))
+    r_A = 4000.0 * np.stack([np.cos(turn), np.sin(turn), 0.5 * np.sin(2.0 * turn)], 1)[:, None]
+    there = Track(r_A, np.zeros_like(r_A), np.ones((8, 1), bool), np.tile([1.0, 0.0, 0.0], (8, 1)))
+    reach = reach_of(region, ANY, camera, there)
+    aims_A, spacing = aim_points(region, camera, reach)
+    observer = HorizonObserver(region, camera)
+    shown = shown_cells(observer, ANY, aims_A, there, reach).any(axis=(0, 1, 2))
+    can = np.zeros(region.n_cells, bool)
+    for place in r_A[:, 0]:
+        for cell in np.flatnonzero(region.normal_A @ place > 0.0)[::3]:
+            pose = look_at(place, region.centroid_A[cell])
+            can[cell] |= observe(observer, pose.r_A, pose.C_CA, ANY)[cell]
+    assert spacing == 1.0 and len(aims_A) < region.n_cells / 4
+    assert can.sum() > 100 and shown[can].all()
+
+
+def test_a_table_that_would_be_too_large_has_fewer_aims_and_says_how_far_apart(monkeypatch):
+    reach = reach_of(target(), ANY, CAMERA, track())
+    many, near = aim_points(target(), CAMERA, reach)
+    monkeypatch.setattr(encounter, "MOST_PICTURES", 12 * len(many) // 4)
+    few, far = aim_points(target(), CAMERA, reach)
+    assert near == 1.0 < far and len(few) <= len(many) // 4
+
+
 def test_who_is_still_aboard_the_mothership_shows_nothing():
-    observer, aims_A = HorizonObserver(target(), CAMERA), aim_points(target(), CAMERA, 1000.0)
+    observer, aims_A = HorizonObserver(target(), CAMERA), aims_of(ANY, track())
     free = np.arange(4)[:, None] >= np.array([0, 2, 0])
     held, all_free = (shown_cells(observer, ANY, aims_A, track(f)) for f in (free, None))
     assert all_free[1, :, :2].any() and not held[1, :, :2].any()

@@ -36,6 +36,7 @@ from swarm_mj.flight.post_flight import (
 from swarm_mj.mission.behaviors import TargetKind, elect_medoid
 from swarm_mj.records.delivered import delivered_summary
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
+from swarm_mj.spacecraft.attitude.mrp import dcm
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +65,8 @@ def networks(plan, telemetry, kept):
     )
 
     def with_relays(relays):
-        after = post_flight_instants(plan, telemetry, course, np.tile(np.array(relays, np.int64), (len(later), 1)))
+        last_BN = dcm(telemetry["sigma_BN"].values[-1])
+        after = post_flight_instants(plan, last_BN, course, np.tile(np.array(relays, np.int64), (len(later), 1)))
         instants = joined(flown, after)
         return network_of(plan.scenario, tiles, contacts_of(plan, edges_s, instants), instants)
 

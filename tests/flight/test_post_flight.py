@@ -64,7 +64,7 @@ def test_relays_point_at_earth_and_the_others_at_the_nearest_relay(config1):
     times = np.array([5000.0, 50_000.0])
     found = post_flight_instants(
         plan,
-        telemetry,
+        dcm(telemetry["sigma_BN"].values[-1]),
         post_flight_paths(plan, telemetry, times),
         np.tile(np.flatnonzero(telemetry["mode"].values[-1] == TargetKind.EARTH), (2, 1)),
     )

@@ -25,7 +25,7 @@ from swarm_mj.typing import Array, Ints, Mask
 
 def greedy(problem: AllocationProblem) -> Allocation:
     """Pictures chosen one by one, each the one that adds most weight; the lowest agent wins ties, see `Pictures`."""
-    chosen = _greedy(problem.pictures, problem.weight, problem.slew, problem.budget)
+    chosen = _greedy(problem.pictures, problem.weight, problem.slew, problem.budget)[: problem.most]
     return allocation_of(problem, pictures_of(problem, chosen), "greedy")
 
 

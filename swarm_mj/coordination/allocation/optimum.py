@@ -4,6 +4,7 @@ With x_j in {0, 1} for picture j, and y_q in [0, 1] for how far patch q counts,
 
     maximise    sum_q weight_q y_q
     subject to  y_q <= sum of x_j over the pictures that show q,     sum of an agent's x_j <= its budget,
+                sum of all x_j <= the most pictures of all agents together,
                 sum of x_j over C <= 1 for sets C of an agent's pictures of which no two can be taken.
 
 The sets C hold every pair that is in conflict. Those of one slot, or of as many slots in a row as the shortest slew takes, are
@@ -89,6 +90,7 @@ def _program(problem: AllocationProblem) -> dict[str, object]:
         "constraints": [
             LinearConstraint(covered, -np.inf, 0.0),
             LinearConstraint(budgets, -np.inf, problem.budget.astype(np.float64)),
+            LinearConstraint(_rows([np.arange(n)], n_columns), -np.inf, n if problem.most is None else problem.most),
             LinearConstraint(apart, -np.inf, 1.0),
         ],
         "bounds": Bounds(0.0, 1.0),

@@ -46,6 +46,7 @@ class AllocationProblem:
     budget: Ints  #: most pictures of each agent, shape (a,)
     #: whether an agent works in a slot, shape (a, k); default: all do
     available: Mask = field(default_factory=lambda: np.empty(0, np.bool_))
+    most: int | None = None  #: most pictures of all agents together; None: any number
 
     def __post_init__(self) -> None:
         """Bring all arrays into the one layout for which kernels are compiled."""
