@@ -171,6 +171,7 @@ SMALL = {"observation.criterion": "arrival", "observation.observer": "raycast", 
          "faults": [{"kind": "spacecraft_lost", "spacecraft": "all", "probability": 0.1, "between_s": [0, 600]}]}  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_design_for_a_probability_is_written_flown_and_verified(tmp_path, monkeypatch):
     monkeypatch.setenv("SWARM_MJ_CACHE", str(tmp_path / "cache"))
     out = tmp_path / "design"

@@ -282,7 +282,7 @@ def test_the_names_of_a_results_files_are_those_that_are_written(tmp_path, monke
         assert not [name for name in written if not result.owns(name)]
         assert written >= set(FILES[result.kind])
         assert written >= {
-            f"{stem}.{kind}" for stem in {*FIGURES[result.kind]} - set(OPTIONAL) for kind in ("png", "pdf")
+            f"{stem}.{kind}" for stem in {*FIGURES[result.kind]} - {*OPTIONAL, "certainty"} for kind in ("png", "pdf")
         }
         assert not [name for name in written if name.rpartition(".")[0] in OPTIONAL]  # nothing was fired
 
