@@ -130,7 +130,7 @@ def _is_known(scenario: Scenario) -> bool:
 def _files_in(told: Any) -> Iterator[Path]:
     """The files whose absolute paths stand somewhere in a scenario."""
     for value in told.values() if isinstance(told, dict) else told if isinstance(told, list) else ():
-        if isinstance(value, str) and os.path.isabs(value) and os.path.isfile(value):
+        if isinstance(value, str) and os.path.isfile(value):
             yield Path(value)
         else:
             yield from _files_in(value)
