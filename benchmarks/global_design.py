@@ -35,11 +35,10 @@ FULL = (
     (4000, 200, 30.0, 0.1),
     (10_000, 500, 20.0, 0.1),
     (100_000, 2000, 30.0, 0.1),
-    (100_000, 2000, 12.0, 0.0),
     (100_000, 2000, 12.0, 0.1),
 )
 #: What both are given [s].
-TIME_LIMIT_S = {False: 10.0, True: 45.0}
+TIME_LIMIT_S = {False: 10.0, True: 30.0}
 
 
 def caps(faces: int, candidates: int, half_angle_deg: float, tolerance_percent: float) -> CoverProblem:
@@ -73,18 +72,18 @@ def plain_highs(problem: CoverProblem, time_limit_s: float) -> tuple[int | None,
 
 
 def run_case(who: str, faces: int, candidates: int, angle: float, tolerance: float, limit: float) -> dict[str, Any]:
-    """One case: number, bound, whether proven, time [s], peak memory [MB]."""
+    """One case: number, bound, whether proven, time of the clock and of the processor [s], peak memory [MB]."""
     solve_exact(caps(200, 30, 50.0, 1.0))  # compiles
     problem = caps(faces, candidates, angle, tolerance)
-    start = time.perf_counter()
+    start, busy = time.perf_counter(), time.process_time()
     if who == "swarm_mj":
         result = solve_exact(problem, limit)
         number, bound, proven = result.n_observers, result.bound, result.status == "optimal"
     else:
         number, bound, proven = plain_highs(problem, limit)
-    seconds = time.perf_counter() - start
+    seconds, cpu_s = time.perf_counter() - start, time.process_time() - busy
     peak_MB = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    return {"number": number, "bound": bound, "proven": proven, "seconds": seconds, "peak_MB": peak_MB}
+    return {"number": number, "bound": bound, "proven": proven, "seconds": seconds, "cpu_s": cpu_s, "peak_MB": peak_MB}
 
 
 def row(case: tuple[int, int, float, float], who: str, found: dict[str, Any] | None) -> str:
@@ -92,18 +91,20 @@ def row(case: tuple[int, int, float, float], who: str, found: dict[str, Any] | N
     faces, candidates, angle, tolerance = case
     head = f"| {faces:,} x {candidates:,} | {angle:g} | {tolerance:g} | {who} |"
     if found is None:
-        return f"{head} no answer in twice the time | - | - | - | - |"
+        return f"{head} no answer in twice the time and a minute | - | - | - | - | - |"
     number = "none" if found["number"] is None else str(found["number"])
     gap = "-" if found["number"] is None else f"{100.0 * (1.0 - found['bound'] / found['number']):.0f} %"
     proof = "proven" if found["proven"] else gap
-    return f"{head} {number} | {found['bound']:g} | {proof} | {found['seconds']:.1f} | {found['peak_MB']:.0f} |"
+    times = f"{found['seconds']:.1f} | {found['cpu_s']:.1f}"
+    return f"{head} {number} | {found['bound']:g} | {proof} | {times} | {found['peak_MB']:.0f} |"
 
 
 def measured(cases: tuple[tuple[int, int, float, float], ...], limit: float) -> list[str]:
     """The table."""
     lines = [
-        "| faces x candidates | caps [deg] | tolerance [%] | by | spacecraft | lower bound | gap | time [s] | peak [MB] |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "| faces x candidates | caps [deg] | tolerance [%] | by | spacecraft | lower bound | gap "
+        "| time [s] | processor [s] | peak [MB] |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for case in cases:
         for who in ("swarm_mj", "HiGHS alone"):
@@ -127,7 +128,8 @@ def page(lines: list[str], limit: float) -> str:
 {limit:g} s. Faces lie at random over a sphere with areas from 0.5 to 1.5, candidates see caps of 0.7 to 1.3 times the
 half-angle about random axes; the seed is fixed. Time is wall-clock time of the solver alone, after compilation; HiGHS looks at
 the clock between steps and may take longer than it is given. Memory is the peak of the process, the matrix of what is seen
-included (one byte a face and candidate). The gap is that between the design and the proven lower bound. {usable_cores()} cores,
+included (one byte a face and candidate). The gap is that between the design and the proven lower bound. Where other work
+shares the cores, processor time is what to compare. {usable_cores()} cores,
 {platform.machine()}.
 
 {chr(10).join(lines)}

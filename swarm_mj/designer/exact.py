@@ -109,7 +109,9 @@ def solve_exact(problem: DesignProblem, time_limit_s: float | None = None, waiti
     """
     start = time.perf_counter()
     problem.require_coverable()
-    points, bound, proven = _covered(problem, reduce_problem(problem), (), time_limit_s, waiting)
+    reduced = reduce_problem(problem)
+    left = None if time_limit_s is None else max(time_limit_s - (time.perf_counter() - start), 0.0)
+    points, bound, proven = _covered(problem, reduced, (), left, waiting)
     least = max(math.ceil(bound - FEASIBILITY_TOLERANCE), 1)
     if least > problem.max_observers or (proven and len(points) > problem.max_observers):
         raise MissionError(_too_few(problem, str(least) if proven else f"at least {least}", time_limit_s))

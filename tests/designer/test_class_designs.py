@@ -16,7 +16,7 @@ STEREO = {
     "observation.criterion": "passage",
     "observation.observer": "horizon",
     "observation.interval_s": 60,
-    "camera.half_angle_deg": 5,
+    "camera.half_angle_deg": 4,
     "designer.population": 20,
     "designer.max_generations": 10,
 }
@@ -24,7 +24,7 @@ STEREO = {
 
 @pytest.fixture(scope="module")
 def design():
-    return sm.design("eros-quick", {**STEREO, "designer.tolerance_percent": 15}, quality_class="stereo", workers=1)
+    return sm.design("eros-quick", {**STEREO, "designer.tolerance_percent": 3}, quality_class="stereo", workers=1)
 
 
 def test_a_design_maps_at_its_class_what_the_rule_of_the_class_says_of_its_looks(design):
@@ -32,7 +32,7 @@ def test_a_design_maps_at_its_class_what_the_rule_of_the_class_says_of_its_looks
     there = mapped(study.scenario.designed_class, study.visibility.looks, chosen_of(study))
     share = 100.0 * study.visibility.area[there].sum() / study.visibility.area.sum()
     assert design.covered_percent == pytest.approx(share, abs=1e-5)
-    assert 85.0 <= share < design.record["seen_percent"]
+    assert 97.0 <= share < design.record["seen_percent"]
     assert design.proven and design.n_observers >= 2
     assert {"quality_class", "mappable_percent", "not_mappable"} <= set(design.record)
 
