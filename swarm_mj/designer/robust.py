@@ -442,11 +442,14 @@ class RobustSearch:
                 refused += 1
                 program.refuse(chosen)
             else:
-                self.cuts.append(self._cut(chosen, asked))
+                self.cuts.append(self._cut(chosen, asked, start + time_limit_s))
         return None, refused
 
-    def _cut(self, chosen: Ints, asked: float) -> Cut:
-        """Who may be added to a design that fails without any help: first all who see no more of the cells that explain it."""
+    def _cut(self, chosen: Ints, asked: float, until_s: float) -> Cut:
+        """Who may be added to a design that fails without any help: first all who see no more of the cells that explain it.
+
+        At `until_s` of the clock it is left as large as it is.
+        """
         few = self._explaining(chosen, asked)
         within = np.zeros(self.n_points, np.bool_)
         within[chosen] = True
@@ -454,6 +457,8 @@ class RobustSearch:
         within |= ~helps
         probability = self._restricted(within, few)
         for j in np.argsort(sum(s.full[:, cells].sum(axis=1) for s, cells in zip(self.samples, few, strict=True))):
+            if time.perf_counter() > until_s:
+                break
             if not within[j] and (within & helps).sum() < MOST:
                 within[j] = True
                 if (more := self._restricted(within, few)) < asked:
