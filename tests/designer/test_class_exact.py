@@ -9,6 +9,7 @@ from swarm_mj.designer import exact
 from swarm_mj.designer.class_problem import class_problem
 from swarm_mj.designer.exact import solve_budget, solve_exact, without_proof
 from swarm_mj.designer.genetic import GeneticSettings, evolve
+from swarm_mj.designer.relaxation import violated
 from swarm_mj.designer.repair import repair_designs
 from swarm_mj.designer.requirements import completed
 from swarm_mj.errors import MissionError
@@ -249,6 +250,18 @@ def test_a_set_that_is_too_small_is_completed_by_who_adds_most_looks_that_cells_
         found, covered = completed(q, problem.weights, problem.gains, start, 12, enough, noise)
         assert found.tolist() == chosen and len(chosen) > seed
         assert covered == problem.weights[sees[chosen].sum(axis=0) >= 3].sum()
+
+
+@pytest.mark.parametrize("name", ["pair", "all sectors", "varied light", "several"])
+def test_rows_that_a_fractional_design_breaks_hold_for_every_design_by_the_rule_of_the_class(name, rng):
+    problem, maps, _ = instance(name, 1)
+    designs = np.array([np.isin(np.arange(8), c) for n in range(9) for c in combinations(range(8), n)])
+    missed = np.array([~maps(np.flatnonzero(chosen)) for chosen in designs])
+    for _ in range(5):
+        x = 0.4 * rng.random(8)
+        rows = violated(problem.asked, x, np.zeros(10))
+        assert len(rows.need) and (rows.matrix @ x < rows.need).all()
+        assert ((rows.matrix @ designs.T).T + rows.need * missed[:, rows.cell] >= rows.need).all()
 
 
 def test_what_no_set_of_candidates_maps_is_told_by_the_demand_that_fails():
