@@ -336,6 +336,8 @@ def _check_nothing_lost(study: Study, folder: Path | None, stages: Stages) -> No
     words = (
         f"interrupted ({study.interrupted}); best design so far{proven}: {len(study.selected)} observers at {points}"
     )
+    if study.certainty and study.certainty[0].points is None:
+        words += f", which allows for no losses: none for probability {study.certainty[0].asked:g} was found yet"
     if study.visibility.unjudged:
         words += f"; {study.visibility.unjudged} of {len(study.visibility.candidates)} candidates were not judged yet"
     if folder is not None and (folder / MARKER).exists():

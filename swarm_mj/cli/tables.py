@@ -209,6 +209,8 @@ def _gap_words(record: dict[str, Any]) -> str:
     gap = record["gap"]
     if record.get("certainty"):
         chance = record["certainty"][0]
+        if chance["promised"] is None:
+            return f"no design for probability {chance['probability']:g} yet: this one allows for no losses"
         return f"probability {chance['promised']:.4f} promised for {chance['probability']:g} asked for"
     if gap is None and record.get("genetic_delivered_in_time", {}).get("repair") is False:
         return "the genetic algorithm's design is not on Earth in time"
@@ -244,7 +246,8 @@ def certainty_table(record: dict[str, Any]) -> Table:
         table.add_row(
             f"{level['probability']:g}", count, str(level["lower_bound"]), promised, _numbers(level["candidates"])
         )
-    table.caption = f"{_observers(record['nominal_minimum'])} where nothing happens{verified_words(record)}"
+    nominal = record["nominal_minimum"]
+    table.caption = f"{'-' if nominal is None else _observers(nominal)} where nothing happens{verified_words(record)}"
     return table
 
 

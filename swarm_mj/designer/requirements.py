@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.compilation import kernel
+from swarm_mj.compilation import allocation_free, kernel
 from swarm_mj.typing import Array, Ints, Ints32, Mask
 
 Words = NDArray[np.uint64]
@@ -117,7 +117,7 @@ def selected(given: Requirements, cells: Ints, weights: Ints) -> Requirements:
     )
 
 
-@kernel
+@allocation_free
 def bits_of(x: int) -> int:
     """Number of bits that are set."""
     n = 0
@@ -127,13 +127,13 @@ def bits_of(x: int) -> int:
     return n
 
 
-@kernel
+@allocation_free
 def measure(q: Requirements, r: int, level: int) -> int:
     """How much of a requirement a level is; `need` or more fulfils it."""
     return min(bits_of(level) if q.kind[r] == SECTORS else level, q.need[r])
 
 
-@kernel
+@allocation_free
 def _raised(q: Requirements, levels: Ints32, held: Words, r: int, e: int) -> int:
     """The level of a requirement with contribution e besides."""
     if q.kind[r] == COUNT:
@@ -150,7 +150,7 @@ def _raised(q: Requirements, levels: Ints32, held: Words, r: int, e: int) -> int
     return max(int(levels[r]), 1)
 
 
-@kernel
+@allocation_free
 def _enter(q: Requirements, levels: Ints32, held: Words, unmet: Ints32, e: int) -> None:
     """Count one contribution in place."""
     r = q.owner[e]
@@ -193,7 +193,7 @@ def covered_by(q: Requirements, weights: Ints, points: Ints) -> np.int64:
     return total
 
 
-@kernel
+@allocation_free
 def _contribution(q: Requirements, levels: Ints32, held: Words, r: int, e: int) -> float:
     """Progress by contribution e, in units of weight."""
     step = measure(q, r, _raised(q, levels, held, r, e)) - measure(q, r, levels[r])
@@ -203,14 +203,21 @@ def _contribution(q: Requirements, levels: Ints32, held: Words, r: int, e: int) 
 @kernel
 def first_gains(q: Requirements) -> Array:
     """Progress by each point alone, in units of weight, shape (n_points,)."""
-    levels, held = np.zeros(len(q.cell), np.int32), np.zeros(q.place[-1], np.uint64)
-    gains = np.zeros(len(q.at) - 1)
-    for e in range(len(q.point)):
-        gains[q.point[e]] += _contribution(q, levels, held, q.owner[e], e)
-    return gains
+    return _gains(q, np.zeros(len(q.cell), np.int32), np.zeros(q.place[-1], np.uint64))
 
 
 @kernel
+def _gains(q: Requirements, levels: Ints32, held: Words) -> Array:
+    """Progress by each point beside those that are chosen, in units of weight, shape (n_points,)."""
+    gains = np.zeros(len(q.at) - 1)
+    for r in range(len(q.cell)):
+        if measure(q, r, levels[r]) < q.need[r]:
+            for e in range(q.first[r], q.first[r + 1]):
+                gains[q.point[e]] += _contribution(q, levels, held, r, e)
+    return gains
+
+
+@allocation_free
 def _take(q: Requirements, levels: Ints32, held: Words, unmet: Ints32, gains: Array, p: int) -> None:
     """Add a point in place and bring the gains of all up to date."""
     for i in range(q.at[p], q.at[p + 1]):
@@ -233,31 +240,35 @@ def completed(
     `start`: the gains of the empty set; `noise`: blur of every gain, 0 to 1. Returns the set and the weight of what counts.
     """
     levels, held, unmet = nothing_chosen(q, len(weights))
-    gains, chosen, n = start.copy(), np.zeros(len(start), np.bool_), 0
-    result = np.empty(max(most, len(points)), np.int64)
+    chosen, n = np.zeros(len(start), np.bool_), len(points)
+    gains = start[:0] if n else start.copy()
+    result = np.empty(max(most, n), np.int64)
+    result[:n] = points
+    for p in points:
+        chosen[p] = True
+        for i in range(q.at[p], q.at[p + 1]):
+            _enter(q, levels, held, unmet, q.entry[i])
     while True:
-        best = -1
-        if n < len(points):
-            best = points[n]
-        else:
-            covered = np.int64(0)
-            for c in range(len(weights)):
-                if unmet[c] == 0:
-                    covered += weights[c]
-            if covered >= enough or n >= most:
-                return result[:n], covered
-            largest = 0.5  # of a unit of weight: below it there is nothing but rounding
-            for p in range(len(gains)):
-                if not chosen[p] and gains[p] * (1.0 - noise[p]) > largest:
-                    best, largest = p, gains[p] * (1.0 - noise[p])
-            if best < 0:
-                return result[:n], covered
+        covered, best = np.int64(0), -1
+        for c in range(len(weights)):
+            if unmet[c] == 0:
+                covered += weights[c]
+        if covered >= enough or n >= most:
+            return result[:n], covered
+        if not len(gains):  # most sets are enough as they are
+            gains = _gains(q, levels, held)
+        largest = 0.5  # of a unit of weight: below it there is nothing but rounding
+        for p in range(len(gains)):
+            if not chosen[p] and gains[p] * (1.0 - noise[p]) > largest:
+                best, largest = p, gains[p] * (1.0 - noise[p])
+        if best < 0:
+            return result[:n], covered
         result[n], chosen[best] = best, True
         n += 1
         _take(q, levels, held, unmet, gains, best)
 
 
-@kernel
+@allocation_free
 def _leave(q: Requirements, levels: Ints32, held: Words, unmet: Ints32, chosen: Mask, e: int) -> None:
     """Take one contribution back in place; its point is no longer among the chosen."""
     r = q.owner[e]
@@ -266,13 +277,14 @@ def _leave(q: Requirements, levels: Ints32, held: Words, unmet: Ints32, chosen: 
         levels[r] -= q.value[e]
     else:
         levels[r] = 0
-        held[q.place[r] : q.place[r + 1]] = np.uint64(0)
+        if q.kind[r] == PAIR:
+            own = e - q.first[r]
+            held[q.place[r] + own // WORD] &= ~(np.uint64(1) << np.uint64(own % WORD))
         for other in range(q.first[r], q.first[r + 1]):
             if chosen[q.point[other]]:
                 levels[r] = _raised(q, levels, held, r, other)
-                if q.kind[r] == PAIR:
-                    own = other - q.first[r]
-                    held[q.place[r] + own // WORD] |= np.uint64(1) << np.uint64(own % WORD)
+                if measure(q, r, levels[r]) == q.need[r]:
+                    break  # SECTORS that are fulfilled matter no more, a PAIR is all there
     if measure(q, r, levels[r]) < q.need[r] <= before:
         unmet[q.cell[r]] += 1
 
@@ -290,20 +302,21 @@ def pruned(q: Requirements, weights: Ints, points: Ints, enough: int, order: Int
     for j in order:
         if left == 1:
             break
-        p, loss = points[j], np.int64(0)
+        p, loss, i = points[j], np.int64(0), q.at[points[j]]
         chosen[p] = False
-        for i in range(q.at[p], q.at[p + 1]):
+        while i < q.at[p + 1] and covered - loss >= enough:
             c = q.cell[q.owner[q.entry[i]]]
             before = unmet[c]
             _leave(q, levels, held, unmet, chosen, q.entry[i])
             loss += weights[c] if before == 0 and unmet[c] > 0 else 0
+            i += 1
         if covered - loss >= enough:
             covered -= loss
             left -= 1
             continue
         chosen[p] = True
-        for i in range(q.at[p], q.at[p + 1]):
-            _enter(q, levels, held, unmet, q.entry[i])
+        for k in range(q.at[p], i):
+            _enter(q, levels, held, unmet, q.entry[k])
     return points[chosen[points]]
 
 

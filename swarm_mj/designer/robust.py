@@ -340,7 +340,7 @@ class RobustSearch:
     def fewest(self, asked: float, time_limit_s: float, waiting: Waiting = None) -> Level:
         """The fewest spacecraft that keep a probability, as far as that is found and proven in time.
 
-        After an interruption the greedy design counts, if it keeps the probability on the other seeds too.
+        After an interruption `so_far` has the best that was found until then.
         """
         start, bound, refused, proven = time.perf_counter(), 1, 0, True
         greedy = self._greedy(asked)
@@ -363,6 +363,13 @@ class RobustSearch:
                 if not turned_down:
                     break  # the time is up
         return self.level(asked, self._beyond(greedy, asked), bound, refused)
+
+    def so_far(self, asked: float) -> Level:
+        """What is known of a probability when the search was interrupted: of its designs the smallest that keeps it."""
+        bound = next(n for n in range(1, self.most + 2) if self.impossible.get(n, 2.0) > asked)
+        kept = sorted((len(key), -p, key) for key, p in self.known.items() if p >= asked)[:MOST_REFUSED]
+        found = next((np.array(key) for *_, key in kept if self.keeps(np.array(key), asked)), None)
+        return self.level(asked, found, bound)
 
     def _beyond(self, greedy: Ints | None, asked: float) -> Ints | None:
         """A greedy design that keeps a probability on the other seeds too, if need be of a higher one; None: none was found."""
@@ -435,11 +442,14 @@ class RobustSearch:
                 refused += 1
                 program.refuse(chosen)
             else:
-                self.cuts.append(self._cut(chosen, asked))
+                self.cuts.append(self._cut(chosen, asked, start + time_limit_s))
         return None, refused
 
-    def _cut(self, chosen: Ints, asked: float) -> Cut:
-        """Who may be added to a design that fails without any help: first all who see no more of the cells that explain it."""
+    def _cut(self, chosen: Ints, asked: float, until_s: float) -> Cut:
+        """Who may be added to a design that fails without any help: first all who see no more of the cells that explain it.
+
+        At `until_s` of the clock it is left as large as it is.
+        """
         few = self._explaining(chosen, asked)
         within = np.zeros(self.n_points, np.bool_)
         within[chosen] = True
@@ -447,6 +457,8 @@ class RobustSearch:
         within |= ~helps
         probability = self._restricted(within, few)
         for j in np.argsort(sum(s.full[:, cells].sum(axis=1) for s, cells in zip(self.samples, few, strict=True))):
+            if time.perf_counter() > until_s:
+                break
             if not within[j] and (within & helps).sum() < MOST:
                 within[j] = True
                 if (more := self._restricted(within, few)) < asked:

@@ -88,7 +88,8 @@ class Study:
         interrupted: The stage in which an interruption came, after which nothing more was tried; empty: none came.
         deadline: When designs are on Earth, and what that excludes; None where `designer.deliver_within_h` asks for nothing.
         nominal: The proven minimum without losses and dispersions, where `designer.probability` is given.
-        certainty: The fewest spacecraft for several probabilities, that of the scenario first; empty where none is given.
+        certainty: The fewest spacecraft for several probabilities, that of the scenario first; empty where none is given. The
+            first has no points where an interruption came before any: then `exact` is the minimum without losses.
         verified: Flights of the design with other seeds; None: none were flown.
     """
 
@@ -130,7 +131,8 @@ class Study:
         evolved = self.genetic.get("repair")
         if evolved is not None and self.selected is evolved.points:
             return "genetic algorithm"
-        return "greedy choice" if self.exact.status == "interrupted" else "exact solver"
+        unproven = self.exact.status == "interrupted" and self.nominal is None
+        return "greedy choice" if unproven else "exact solver"
 
     @property
     def observers(self) -> list[dict[str, Any]]:
@@ -228,6 +230,7 @@ class _Work:
         self.deadline = _deadline_search(scenario, seen, problem)
         self.nominal: ExactResult | None = None
         self.certainty: list[Level] = []
+        self.search: RobustSearch | None = None
 
     def solve(self, pareto: bool) -> None:
         """All stages; evolution comes first, so that there is a good design when the proof takes long."""
@@ -263,20 +266,21 @@ class _Work:
         assert asked is not None and self.exact is not None
         self.nominal, self.exact = self.exact, None
         with self.clock.stage("dispersed flights", "dispersed flights of the candidates") as (flying,):
-            search = robust_search(self.scenario, self.seen, flying)
+            search = self.search = robust_search(self.scenario, self.seen, flying)
         for p in dict.fromkeys((asked, *CERTAINTIES)):
             name = f"design for P = {p:g}, at most {limit:g} s"
             with self.clock.stage(f"P = {p:g}", name) as (tell,):
                 level = search.fewest(p, limit, None if tell is None else partial(_share, tell, limit))
             self.certainty.append(level)
             if p == asked:
-                self.exact = self._robust(search, level, limit)
+                if level.points is None:
+                    raise MissionError(search.refusal(level, limit))
+                self.exact = self._robust(level, "optimal" if level.proven else "time limit")
 
-    def _robust(self, search: RobustSearch, level: Level, limit: float) -> ExactResult:
+    def _robust(self, level: Level, status: str) -> ExactResult:
         """The answer for the scenario's probability in the words of the exact solver."""
-        if level.points is None:
-            raise MissionError(search.refusal(level, limit))
-        percent, status = self.problem.covered_percent(level.points), "optimal" if level.proven else "time limit"
+        assert level.points is not None
+        percent = self.problem.covered_percent(level.points)
         seconds = self.clock.wall_s[f"P = {level.asked:g}"]
         return ExactResult(len(level.points), level.points, percent, float(level.bound), status, seconds)
 
@@ -324,6 +328,14 @@ class _Work:
         )
 
     def _best_so_far(self) -> ExactResult:
+        asked = self.scenario.designer.probability
+        if asked is not None:
+            if not self.certainty:
+                self.certainty.append(Level(asked, None, 1) if self.search is None else self.search.so_far(asked))
+            if self.certainty[0].points is not None:
+                return self._robust(self.certainty[0], "interrupted")
+            if self.nominal is not None:
+                return self.nominal._replace(status="interrupted")
         evolved = self.genetic.get("repair")
         try:
             return without_proof(self.problem, evolved.points if evolved is not None and evolved.feasible else None)
@@ -448,12 +460,14 @@ class _Clock:
 
     @contextmanager
     def stage(self, name: str, *labels: str) -> Iterator[tuple[Callable[[float], None] | None, ...]]:
-        """Time a stage; gives for each label who is told the share of it that is done."""
+        """Time a stage, one that is interrupted too; gives for each label who is told the share of it that is done."""
         self.name, start, tell = name, time.perf_counter(), self._tell
-        if tell is None:
-            yield (None,) * len(labels)
-        else:
-            tell(labels[0], 0.0)
-            yield tuple(partial(tell, label) for label in labels)
-            tell(labels[-1], 1.0)
-        self.wall_s[name] = time.perf_counter() - start
+        try:
+            if tell is None:
+                yield (None,) * len(labels)
+            else:
+                tell(labels[0], 0.0)
+                yield tuple(partial(tell, label) for label in labels)
+                tell(labels[-1], 1.0)
+        finally:
+            self.wall_s[name] = time.perf_counter() - start

@@ -162,12 +162,12 @@ def _delivery_record(study: Study) -> dict[str, Any]:
 
 def _certainty_record(study: Study) -> dict[str, Any]:
     """What probabilities cost, and what a campaign says of the promise; empty where no probability was asked for."""
-    if not study.certainty or study.nominal is None:
+    if not study.certainty:
         return {}
     verified, designer = study.verified, study.scenario.designer
     return {
         "probability": designer.probability,
-        "nominal_minimum": study.nominal.n_observers,
+        "nominal_minimum": None if study.nominal is None else study.nominal.n_observers,
         "realisations": designer.realisations,
         "check_flights": designer.check_flights if designer.realisations else 0,
         "certainty": [_level_record(level) for level in study.certainty],

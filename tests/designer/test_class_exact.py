@@ -9,6 +9,9 @@ from swarm_mj.designer import exact
 from swarm_mj.designer.class_problem import class_problem
 from swarm_mj.designer.exact import solve_budget, solve_exact, without_proof
 from swarm_mj.designer.genetic import GeneticSettings, evolve
+from swarm_mj.designer.relaxation import violated
+from swarm_mj.designer.repair import repair_designs
+from swarm_mj.designer.requirements import completed
 from swarm_mj.errors import MissionError
 from swarm_mj.observation.quality import bounds_of, is_pair, is_varied, mapped, sector_of, usable
 from swarm_mj.scenarios.schema_quality import Demand, QualityClass
@@ -207,6 +210,58 @@ def test_evolution_of_designs_for_a_class_comes_near_the_proven_minimum():
     assert found.feasible and solve_exact(problem).n_observers <= found.n_observers
     assert 100.0 * problem.area[maps(found.points - 1)].sum() / problem.area.sum() >= 85.0
     assert found.n_observers <= solve_exact(problem).n_observers + 1
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_repair_of_a_class_drops_in_order_who_is_not_needed_by_the_rule_of_the_class(name, rng):
+    spared = 0
+    for seed in range(3):
+        lost = 100.0 - instance(name, seed, 12, 40)[0].coverable_percent
+        problem, maps, _ = instance(name, seed, 12, 40, tolerance_percent=min(lost + 10.0, 99.0))
+        enough, noise = problem.total_weight - problem.slack, 0.5 * rng.random((6, 12))
+        genes = np.array([[12 - 2 * k, *rng.permutation(12) + 1] for k in range(6)])
+        for before, after, blur in zip(genes, repair_designs(problem, genes, noise), noise, strict=True):
+            kept = np.sort(after[1 : 1 + after[0]]) - 1
+            assert problem.weights[maps(kept)].sum() >= enough
+            fewer = [np.setdiff1d(kept, [j]) for j in kept]
+            assert len(kept) == 1 or max(problem.weights[maps(rest)].sum() for rest in fewer) < enough
+            if before[0] == 12:  # nothing is added, so that the rule of dropping alone decides
+                left = np.arange(12)
+                for j in np.argsort((problem.gains + 1.0) * (1.0 - blur), kind="stable"):
+                    rest = np.setdiff1d(left, [j])
+                    left = rest if len(rest) and problem.weights[maps(rest)].sum() >= enough else left
+                assert kept.tolist() == left.tolist()
+                spared += 12 - len(left)
+    assert spared > 0
+
+
+def test_a_set_that_is_too_small_is_completed_by_who_adds_most_looks_that_cells_still_lack(rng):
+    for seed in range(5):
+        problem, _, looks = instance("count", seed, 14, 60)
+        q, cell = problem.asked, np.repeat(np.arange(60), np.diff(looks.start))
+        sees = np.zeros((14, 60), np.bool_)
+        sees[looks.taker, cell] = True
+        start, noise, enough = rng.permutation(14)[:seed], 0.5 * rng.random(14), int(0.97 * problem.weights.sum())
+        chosen = start.tolist()
+        while problem.weights[sees[chosen].sum(axis=0) >= 3].sum() < enough and len(chosen) < 12:
+            gains = (sees & (sees[chosen].sum(axis=0) < 3)) @ problem.weights * (1.0 - noise)
+            gains[chosen] = 0.0
+            chosen.append(int(gains.argmax()))
+        found, covered = completed(q, problem.weights, problem.gains, start, 12, enough, noise)
+        assert found.tolist() == chosen and len(chosen) > seed
+        assert covered == problem.weights[sees[chosen].sum(axis=0) >= 3].sum()
+
+
+@pytest.mark.parametrize("name", ["pair", "all sectors", "varied light", "several"])
+def test_rows_that_a_fractional_design_breaks_hold_for_every_design_by_the_rule_of_the_class(name, rng):
+    problem, maps, _ = instance(name, 1)
+    designs = np.array([np.isin(np.arange(8), c) for n in range(9) for c in combinations(range(8), n)])
+    missed = np.array([~maps(np.flatnonzero(chosen)) for chosen in designs])
+    for _ in range(5):
+        x = 0.4 * rng.random(8)
+        rows = violated(problem.asked, x, np.zeros(10))
+        assert len(rows.need) and (rows.matrix @ x < rows.need).all()
+        assert ((rows.matrix @ designs.T).T + rows.need * missed[:, rows.cell] >= rows.need).all()
 
 
 def test_what_no_set_of_candidates_maps_is_told_by_the_demand_that_fails():

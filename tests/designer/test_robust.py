@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import swarm_mj as sm
-from swarm_mj.cli.tables import verified_words
+from swarm_mj.cli.tables import certainty_table, design_table, verified_words
 from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.robust import Loss, Realisation, RobustSearch, Sample, losses_of, realise
 from swarm_mj.errors import MissionError, ScenarioError
@@ -204,3 +204,64 @@ def test_a_probability_that_none_can_keep_is_refused_with_what_is_possible(tmp_p
         MissionError, match=r"designer\.probability = 0\.999: .* the best known keeps 0\.\d+ with \d; ask for less"
     ):
         sm.design("eros-quick", asked, progress=False)
+
+
+def interrupt_after(monkeypatch, calls):
+    """Let an interruption come when the search has looked for one so many times."""
+    left = [calls]
+
+    def check():
+        left[0] -= 1
+        if left[0] < 0:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("swarm_mj.designer.robust.interruption.check", check)
+
+
+@pytest.mark.parametrize(("asked", "calls", "size"), [(0.4, 20, None), (0.4, 24, 4), (0.4, 28, 3), (0.6, 24, None)])
+def test_an_interrupted_search_gives_the_smallest_design_known_to_keep_the_probability(monkeypatch, asked, calls, size):
+    kind, harsh = random_realisations(7, count=2, partly=True), random_realisations(7, partly=True)
+    search = RobustSearch(
+        realisations=kind, tolerance_percent=0.0, max_observers=8, others=[Sample(one, 0.0) for one in harsh]
+    )
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        interrupt_after(patched, calls)
+        search.fewest(asked, 60.0)
+    kept = [c for c in search.known if by_enumeration(kind, c, 0.0) >= asked]
+    judged = [c for c in kept if by_enumeration(harsh, c, 0.0) >= asked]
+    assert min(map(len, judged), default=None) == size and (kept or asked == 0.4)
+    level = search.so_far(asked)
+    assert size == (None if level.points is None else len(level.points))
+    assert level.points is None or level.promised == pytest.approx(by_enumeration(harsh, tuple(level.points - 1), 0.0))
+    whole = search.fewest(asked, 60.0)
+    assert level.bound <= whole.bound == search.so_far(asked).bound
+    assert len(search.so_far(asked).points) == len(whole.points)
+
+
+@pytest.mark.parametrize("calls", [0, 300])
+def test_an_interrupted_robust_design_says_what_it_is(tmp_path, monkeypatch, calls):
+    monkeypatch.setenv("SWARM_MJ_CACHE", str(tmp_path / "cache"))
+    fewest = RobustSearch.fewest
+
+    def interrupted(search, *given):
+        with monkeypatch.context() as patched:
+            interrupt_after(patched, calls)
+            return fewest(search, *given)
+
+    monkeypatch.setattr(RobustSearch, "fewest", interrupted)
+    asked = {**SMALL, "designer.realisations": 0, "designer.probability": 0.9}
+    with pytest.raises(KeyboardInterrupt), pytest.warns(UserWarning) as warned:
+        sm.design("eros-quick", asked, out=tmp_path / "o", progress=False)
+    said = " ".join(str(one.message) for one in warned)
+    record = json.loads((tmp_path / "o" / "design.json").read_text())
+    level = record["certainty"][0]
+    assert (record["interrupted"], record["proof"]["status"]) == ("P = 0.9", "interrupted")
+    if calls:
+        assert record["n_observers"] == level["n_observers"] > record["nominal_minimum"]
+        assert level["promised"] >= 0.9 and "allows for no losses" not in said
+    else:
+        assert record["n_observers"] == record["nominal_minimum"] and level["n_observers"] is None
+        assert "which allows for no losses: none for probability 0.9 was found yet" in said
+        assert "no design for probability 0.9 yet" in design_table(record).caption
+    assert certainty_table(record).row_count == 1
+    assert sm.open_design(tmp_path / "o").certainty["lower_bound"].iloc[0] >= 1
