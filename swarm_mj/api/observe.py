@@ -85,7 +85,7 @@ class Observation:
             "light": scenario.observation.light,
             "coverage_percent": self.coverage.percent,
             "not_observed": not_observed(self.flight.region.weighted_area, self.result.why),
-            "classes": mapped_by_class(self.flight.region.area, self.result.quality),
+            "classes": mapped_by_class(self.flight.region, self.result.quality),
             "coverage_percent_passage": self.passage.percent,
             "coverage_percent_by_spacecraft": dict(zip(self.flight.names, map(float, by), strict=True)),
             "images": self.result.images,

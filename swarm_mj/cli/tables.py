@@ -19,6 +19,8 @@ from swarm_mj.records.summary import working
 
 #: Rows of `_ROWS` that come before those of quality classes.
 OBSERVED_ROWS = 6
+#: Told only of runs whose pictures were planned.
+PLANNED = "planned by the plan of pictures [%]; bound; gap"
 
 
 def results_tables(console: Console, summaries: Sequence[dict[str, Any]]) -> Iterator[Table]:
@@ -46,6 +48,8 @@ def results_table(summaries: Sequence[dict[str, Any]]) -> Table:
     )
     mapped = {label: partial(_mapped, label) for summary in summaries for label in mapped_texts(summary)}
     observed = dict(islice(_ROWS.items(), OBSERVED_ROWS))
+    if any("picture_plan" in summary for summary in summaries):
+        observed[PLANNED] = _planned
     for label, cell in (observed | mapped | _ROWS | blurred).items():
         table.add_row(escape(label), *(cell(summary) for summary in summaries))
     return table
@@ -112,7 +116,6 @@ _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "target faces": lambda s: str(s["target_faces"]),
     "criterion, camera half-angle": lambda s: f"{criterion_text(s)}, {s['camera_half_angle_deg']:g} deg",
     "observed area P_TO [%]": lambda s: percent_digits(s["coverage_percent"]),
-    "planned by the plan of pictures [%]; bound; gap": _planned,
     "the same, whole passage [%]": lambda s: percent_digits(s["coverage_percent_passage"]),
     "not observed, by cause": lambda s: causes_text(s) or "-",
     "of the target delivered to Earth [%]": _delivered,

@@ -128,6 +128,14 @@ class TargetRegion:
         return float(self.weighted_area.sum())
 
     @property
+    def typical_area(self) -> float:
+        """Area of the target's median cell [m^2]; about a polygon, whose many sides cut slivers, half of the area is in larger."""
+        if self.kind != "polygon":
+            return float(np.median(self.area))
+        order = np.argsort(self.area)
+        return float(self.area[order][np.searchsorted(np.cumsum(self.area[order]), 0.5 * self.total_area)])
+
+    @property
     def is_weighted(self) -> bool:
         """Whether parts count more than others."""
         return bool(np.ptp(self.weight) > 0.0)

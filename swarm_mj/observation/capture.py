@@ -181,7 +181,7 @@ def limits_of(criterion: Observation, camera: CameraModel, region: TargetRegion)
         max_motion_blur=criterion.max_motion_blur_px or inf,
         pixel_angle=camera.pixel_angle,
         min_share=ANY_PART if criterion.any_pixel else criterion.min_fraction,
-        max_pixel_area=float(np.median(region.area)) / criterion.min_pixels if criterion.min_pixels else inf,
+        max_pixel_area=region.typical_area / criterion.min_pixels if criterion.min_pixels else inf,
     )
 
 

@@ -137,9 +137,9 @@ class CoverageMap:
         """P_TO [%]."""
         return self._percent(self.seen)
 
-    def percent_of(self, cells: Indices) -> float:
-        """Observed share of the area of some cells, by number [%]."""
-        return 100.0 * float(self.area[cells][self.seen[cells]].sum() / self.area[cells].sum())
+    def percent_of(self, cells: Indices, area: Array) -> float:
+        """Observed share of some cells, by number, of the areas of these cells [%]."""
+        return 100.0 * float(area[self.seen[cells]].sum() / area.sum())
 
     @property
     def percent_by_spacecraft(self) -> Array:

@@ -124,6 +124,15 @@ def map_grids(body: str, mesh: ShapeModel, step_m: float) -> list[MapGrid]:
     return grids
 
 
+def least_pixel_m(body: str, mesh: ShapeModel) -> float:
+    """Side of the pixels with which the largest map of a body has nearly `MOST_PIXELS` [m]; 0 without rasterio."""
+    try:
+        _, radius = _systems(body, mesh)
+    except InteropError:
+        return 0.0
+    return float(np.sqrt(2.0 * (np.pi * radius) ** 2 / (0.99 * MOST_PIXELS)))
+
+
 def _systems(body: str, mesh: ShapeModel) -> tuple[dict[str, Any], float]:
     """Coordinate reference systems by the names of `PROJECTIONS`, and the radius of their sphere [m]."""
     library, code = rasterio(), BodyName.of(body).code

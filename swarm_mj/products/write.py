@@ -22,7 +22,7 @@ from swarm_mj.interop.export import chosen_formats, files_in, written_into
 from swarm_mj.interop.kernels import frames, write_dsk
 from swarm_mj.interop.states import FlightStates
 from swarm_mj.io.spice import spiceypy
-from swarm_mj.products.grids import MapGrid, map_grids, rasterio
+from swarm_mj.products.grids import MapGrid, least_pixel_m, map_grids, rasterio
 from swarm_mj.records.cells import quantity
 from swarm_mj.typing import Array, Ints
 
@@ -91,8 +91,8 @@ def write_products(
         cells: What is known of each cell, see `cells_table`.
         folder: Where.
         formats: Which.
-        pixel_m: Side of a pixel of the GeoTIFFs, on the projection's sphere [m]; None: a third of the side of a square of the
-            median cell's area.
+        pixel_m: Side of a pixel of the GeoTIFFs, on the projection's sphere [m]; None: a third of the side of a square of a
+            typical cell's area, or as much as keeps the largest map within `MOST_PIXELS`.
 
     Raises:
         InteropError: A format is unknown or needs a package that is not installed, or pixel_m is impossible.
@@ -104,13 +104,19 @@ def write_products(
     for name, library in (("geotiff", rasterio), ("parquet", _pyarrow), ("dsk", spiceypy)):
         if name in chosen:
             library()  # what is missing is said before anything is written
-    side = float(np.sqrt(np.median(states.plan.region.area))) / PIXELS_PER_CELL if pixel_m is None else float(pixel_m)
+    side = _pixel_side(states) if pixel_m is None else float(pixel_m)
     mapped = Mapped(states, cells, side)
     with written_into(Path(folder), MANIFEST) as (partial, files):
         for name in chosen:
             FORMATS[name](mapped, partial)
         (partial / MANIFEST).write_text(json.dumps(_contents(mapped, partial, chosen), indent=2) + "\n")
     return files
+
+
+def _pixel_side(states: FlightStates) -> float:
+    """Of a third of a typical cell, or the least with which no map has too many pixels [m]."""
+    side = float(np.sqrt(states.plan.region.typical_area)) / PIXELS_PER_CELL
+    return max(side, least_pixel_m(states.plan.scenario.body.name, states.plan.region.mesh))
 
 
 def _contents(mapped: Mapped, folder: Path, chosen: list[str]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.coverage import WORDS, Cause, percent_text, rounded_up_digits, shares
 from swarm_mj.observation.quality import Quality
 from swarm_mj.records.rounding import rounded
@@ -49,12 +50,12 @@ NOT_COVERED = (
 )
 
 
-def mapped_by_class(area: Array, quality: Quality | None) -> dict[str, dict[str, float]]:
-    """Share [%] and area [km^2] of the target that each quality class maps, by its name; `area` is of each cell [m^2]."""
+def mapped_by_class(region: TargetRegion, quality: Quality | None) -> dict[str, dict[str, float]]:
+    """Share of the target that each quality class maps, by weighted area as P_TO [%], and its area [km^2], by its name."""
     return {
         name: {
-            "percent": rounded(100.0 * area[cells].sum() / area.sum(), 6),
-            "area_km2": rounded(area[cells].sum() / 1e6, 6),
+            "percent": rounded(100.0 * region.weighted_area[cells].sum() / region.total_weighted_area, 6),
+            "area_km2": rounded(region.area[cells].sum() / 1e6, 6),
         }
         for name, cells in (quality.mapped if quality else {}).items()
     }

@@ -78,7 +78,7 @@ def _observed(plan: Plan, result: ObservationResult) -> dict[str, Any]:
         "coverage_percent_passage": rounded(result.passage.percent, 6),
         "coverage_percent_by_spacecraft": by_name(plan.names, result.coverage.percent_by_spacecraft, 4),
         "not_observed": not_observed(region.weighted_area, result.why),
-        "classes": mapped_by_class(region.area, result.quality),
+        "classes": mapped_by_class(region, result.quality),
         "criterion": scenario.observation.criterion,
         "light": scenario.observation.light,
         "camera_half_angle_deg": scenario.camera.half_angle_deg,
@@ -107,7 +107,7 @@ def _by_target(plan: Plan, result: ObservationResult) -> dict[str, Any]:
     region, stops = plan.region, itinerary(plan.scenario)
     found: dict[str, Any] = {}
     if region.parts:
-        shares = [result.coverage.percent_of(region.cells_of(k)) for k in range(len(region.parts))]
+        shares = [result.coverage.percent_of(region.cells_of(k), part.area) for k, part in enumerate(region.parts)]
         found["coverage_percent_by_target"] = [rounded(share, 6) for share in shares]
         found["weight_by_target"] = [target.weight for target in all_targets(plan.scenario)]
         found["target_area_km2_by_target"] = [rounded(part.total_area / 1e6, 6) for part in region.parts]

@@ -63,7 +63,9 @@ def globe_figure(run: RunRecord) -> go.Figure:
     eye = 1.25 * middle / np.linalg.norm(middle)
     ground = ShapeModel(rest.vertices, rest.faces.astype(np.int32), "rest of the body")
     lamp = eye + np.linalg.norm(eye) * LAMP
-    shaded = shade(np.tile(to_rgb(GROUND), (len(rest.faces), 1)), ground.face_normals, unit(lamp), AMBIENT)
+    with np.errstate(invalid="ignore"):  # faces without area, which cuts may leave, have no normal
+        normals = np.nan_to_num(ground.face_normals)
+    shaded = shade(np.tile(to_rgb(GROUND), (len(rest.faces), 1)), normals, unit(lamp), AMBIENT)
     traces = [
         go.Mesh3d(
             **_mesh(rest.vertices, rest.faces),
