@@ -123,14 +123,17 @@ def page(lines: list[str], limit: float) -> str:
     """The page of the results."""
     return f"""# Design of whole bodies
 
-`python -m benchmarks.global_design --full`: the fewest spacecraft that see all but the tolerance of a body, by
+`python -m benchmarks.global_design --full`: the fewest spacecraft that see all but the tolerance of a sphere, by
 `swarm_mj.designer.exact.solve_exact` and by HiGHS alone on the whole model (`scipy.optimize.milp`), both told to stop after
 {limit:g} s. Faces lie at random over a sphere with areas from 0.5 to 1.5, candidates see caps of 0.7 to 1.3 times the
 half-angle about random axes; the seed is fixed. Time is wall-clock time of the solver alone, after compilation; HiGHS looks at
 the clock between steps and may take longer than it is given. Memory is the peak of the process, the matrix of what is seen
-included (one byte a face and candidate). The gap is that between the design and the proven lower bound. Where other work
-shares the cores, processor time is what to compare. {usable_cores()} cores,
-{platform.machine()}.
+included (one byte a face and candidate). The gap is that between the design and the proven lower bound. Where processor
+time is far below the time, other programs shared the cores, and solvers may find closer bounds on idle ones.
+{usable_cores()} cores, {platform.machine()}.
+
+These are no flights: random caps stand for pictures, nothing is hidden or dark, and once is enough; designs of a real body
+may be harder or easier. Quality classes and designs with a probability are not in the table.
 
 {chr(10).join(lines)}
 """

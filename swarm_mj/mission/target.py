@@ -129,7 +129,7 @@ class TargetRegion:
 
     @property
     def typical_area(self) -> float:
-        """Area of the target's median cell [m^2]; about a polygon, whose many sides cut slivers, half of the area is in larger."""
+        """Area of the target's median cell [m^2]; of a polygon, whose sides cut slivers, half of the area is in larger ones."""
         if self.kind != "polygon":
             return float(np.median(self.area))
         order = np.argsort(self.area)

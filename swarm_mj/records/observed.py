@@ -23,7 +23,7 @@ REMEDIES = {
     "max_range_m and min_pixels are the limits",
     Cause.BLURRED: "shorten camera.exposure_s; observation.max_motion_blur_px is the limit",
     Cause.HIDDEN: "add visiting points from other sides",
-    Cause.DARK: "arrival when the Sun shines there (epoch), or count dark ground too (observation.light: ignored)",
+    Cause.DARK: "arrive when the Sun shines there (epoch), or count dark ground too (observation.light: ignored)",
     Cause.NEVER_LIT: "no path sees it: fly when the Sun shines there (epoch, duration_s), leave it out "
     "(target.region: lit), or count dark ground too (observation.light: ignored)",
     Cause.CAMERA_OFF: "let others see the same area too (designer.fold: 2)",

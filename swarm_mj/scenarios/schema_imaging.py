@@ -107,8 +107,9 @@ class Observation(Section):
     min_pixels: float = Field(
         4.0,
         ge=0,
-        description="least pixels, foreshortened, that the target's median face (cell, where faces are subdivided) would take "
-        "up where a face is seen [-]; default: two by two, as what is sampled at less is not resolved (Shannon); 0: any",
+        description="least pixels, foreshortened, that the target's median face (cell, where faces are subdivided; of a polygon, "
+        "whose sides cut slivers, that above which half of the area lies) would take up where a face is seen [-]; default: two "
+        "by two, as what is sampled at less is not resolved (Shannon); 0: any",
     )
     max_range_m: float | None = Field(None, gt=0, description="largest distance between face and camera [m]; null: any")
     max_gsd_m: float | None = Field(

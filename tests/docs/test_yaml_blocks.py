@@ -44,4 +44,4 @@ def test_the_first_itinerary_observes_both_targets_by_day_and_one_by_night(longi
     summary = summarise(plan, telemetry, observe_flight(plan, telemetry), {})
     assert summary["coverage_percent_by_target"] == seen
     dark = {part["cause"]: part["percent"] for part in summary["not_observed"]}
-    assert dark == {} if longitude_deg == 30 else 12.0 < dark["dark"] < 16.0
+    assert dark == {} if longitude_deg == 30 else 12.0 < dark["never lit"] < 16.0
