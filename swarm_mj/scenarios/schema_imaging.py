@@ -107,7 +107,7 @@ class Observation(Section):
     min_pixels: float = Field(
         4.0,
         ge=0,
-        description="least pixels, foreshortened, that the target's median face (cell, where faces are subdivided; of a polygon, "
+        description="least pixels, foreshortened, that the target's median face (cell, where faces are subdivided; of polygons "
         "whose sides cut slivers, that above which half of the area lies) would take up where a face is seen [-]; default: two "
         "by two, as what is sampled at less is not resolved (Shannon); 0: any",
     )
