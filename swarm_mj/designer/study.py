@@ -213,7 +213,7 @@ def study_design(
             clock.interrupted = clock.name
         except MissionError as error:
             dark = np.isin(seen.why, (Cause.DARK, Cause.NEVER_LIT)).any() and not work.problem.can_be_covered
-            if not dark:
+            if not dark or scenario.target.region == "lit":  # which moves with the epoch
                 raise
             raise MissionError(f"{error}; {daylight_text(scenario, seen.region)}") from None
     return work.study()
