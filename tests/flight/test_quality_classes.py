@@ -16,7 +16,9 @@ from swarm_mj.flight.observe import flight_pictures, observe_flight, observer_fr
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.interop.external_flight import ForeignFlight
 from swarm_mj.observation.capture import observe
+from swarm_mj.observation.quality import Quality
 from swarm_mj.observation.radiometry import electrons, signal_to_noise
+from swarm_mj.records.observed import mapped_by_class
 from swarm_mj.records.run_files import read_coverage
 from swarm_mj.reports.sections import summary_section
 from swarm_mj.scenarios.loading import load_scenario
@@ -166,3 +168,17 @@ def test_motion_blur_limits_motion_and_is_refused_of_flights_from_files(flight):
     assert np.array_equal(result.quality.mapped["own"], sharp) and 0.0 < sharp.mean() < result.coverage.seen.mean()
     with pytest.raises(InteropError, match=r"observation\.classes: own: motion blur needs velocities"):
         ForeignFlight(scenario, [], [])
+
+
+def test_what_a_class_maps_is_weighted_as_the_target_is():
+    region = plan_of_weights().region
+    cells = region.weight > 1.0
+    told = mapped_by_class(region, Quality({"mine": cells}, None))["mine"]
+    heavy, light = region.area[cells].sum(), region.area[~cells].sum()
+    assert told["percent"] == pytest.approx(100.0 * 3.0 * heavy / (3.0 * heavy + light), abs=1e-5)
+    assert told["area_km2"] == pytest.approx(heavy / 1e6, abs=1e-5)
+
+
+def plan_of_weights():
+    extra = {"latitude_deg": 0.0, "longitude_deg": 60.0, "half_angle_deg": 10.0, "weight": 3.0}
+    return make_plan(load_scenario("eros-quick", {"designer.extra_targets": [extra]}))

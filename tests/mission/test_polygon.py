@@ -197,3 +197,13 @@ def test_a_path_that_is_no_file_is_refused(tmp_path):
     for name, words in (("nothing", "no such file"), ("pipe", "named pipe"), ("huge", "larger than"), ("", "folder")):
         with pytest.raises(MissionError, match=words):
             polygon_from(Target(region="polygon", polygon_file=str(tmp_path / name)))
+
+
+def test_slivers_of_a_border_do_not_make_a_polygons_typical_cell():
+    """Pieces at its sides are most of its cells and little of its area; whole faces of the mesh are what is typical."""
+    region = build_targets(ball(), [polygon(frame(-20, 20, -20, 20))], kind="polygon")
+    whole = float(np.median(ball().face_areas))
+    assert np.median(region.area) < 0.5 * whole
+    assert region.typical_area == pytest.approx(whole, rel=0.3)
+    larger = region.area[region.area > region.typical_area].sum()
+    assert larger <= 0.5 * region.total_area < larger + region.area[region.area == region.typical_area].sum()
