@@ -271,8 +271,9 @@ def test_an_interruption_after_the_design_is_finished_leaves_it_in_its_place(
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
 
 
-def test_an_interruption_before_there_is_a_design_leaves_none(tmp_path, monkeypatch):
-    monkeypatch.setattr("swarm_mj.designer.candidates.visibility.fly_candidates", interrupt)
+def test_an_interruption_before_there_is_a_design_leaves_none(tmp_path, tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("SWARM_MJ_CACHE", str(tmp_path_factory.mktemp("cache")))  # no flights are kept yet
+    monkeypatch.setattr("swarm_mj.designer.candidates.visibility.fly", interrupt)
     assert main(["design", "eros-quick", "--quiet", "--out", str(tmp_path / "run"), *arguments()]) == 130
     assert not list(tmp_path.iterdir())
 
