@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1]
 DISTRIBUTION = {"yaml": "pyyaml", "mpl_toolkits": "matplotlib", "PIL": "pillow", "erfa": "pyerfa"}
 #: Imported where present, with something else in their place where not.
 OPTIONAL = {"polyhedral_gravity", "astropy", "shapely", "glfw"}
-#: Imported by what an extra brings: training, multi-agent, the window, campaigns on clusters, SPICE kernels, ONNX.
+#: Imported by what an extra brings: training, multi-agent, the window, campaigns on clusters, SPICE kernels, maps, ONNX.
 EXTRAS = {
     "stable_baselines3",
     "sb3_contrib",
@@ -21,6 +21,7 @@ EXTRAS = {
     "distributed",
     "pyarrow",
     "spiceypy",
+    "rasterio",
     "onnxruntime",
 }
 

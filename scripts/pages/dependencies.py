@@ -57,6 +57,7 @@ PURPOSE = {
     "bsk": "the comparison with Basilisk",
     "orekit-jcc": "the comparison with Orekit",
     "spiceypy": "SPICE kernels, out and in",
+    "rasterio": "maps as GeoTIFF",
     "oem": "tests: reading exported OEM",
     "ccsds-ndm": "tests: reading exported OEM and AEM 1.0",
     "brahe": "tests: reading exported OEM and AEM 2.0; the comparison with brahe",

@@ -41,10 +41,31 @@ COMMANDS = {
         "dispersions.deployment_velocity_m_s=0.1",
     ),
     "eros-config1-design": ("design", "eros-config1", "--pareto"),
+    "eros-safe-design": (
+        "design",
+        "eros-quick",
+        "--probability",
+        "0.9",
+        "--set",
+        "observation.criterion=arrival",
+        "--set",
+        "camera.half_angle_deg=5",
+        "--set",
+        "faults=[{kind: spacecraft_lost, spacecraft: all, probability: 0.05, between_s: [0, 600]}]",
+        "--set",
+        "designer.realisations=4",
+        "--set",
+        "designer.check_flights=16",
+        "--set",
+        "designer.time_limit_s=10",
+        "--set",
+        "telemetry.interval_s=10",
+    ),
 }
 
 #: Result folder and figure of every picture; it is kept as FOLDER-FIGURE.png.
 PICTURES = (
+    ("eros-safe-design", "certainty"),
     ("eros-config1", "behaviors"),
     ("eros-config1", "trajectories"),
     ("eros-config1", "target"),

@@ -1,6 +1,8 @@
 // The page: one clock that the slider, the play button, the plots and every 3-D picture share.
 "use strict";
 
+/** Frames after which the body to turn is drawn as it stays. */
+const SETTLED = 6;
 const DATA = JSON.parse(document.getElementById("report-data").textContent);
 const INK = DATA.ink;
 const find = (id) => document.getElementById(id);
@@ -310,6 +312,7 @@ async function start() {
     const way = themed(figure);
     await Plotly.newPlot(find(id), way.data, way.layout, { displayModeBar: false, responsive: true });
   }
+  for (let frame = 0; frame < SETTLED; frame += 1) await new Promise(requestAnimationFrame);
   connectControls();
   connectPlots();
   LIGHT.addEventListener("change", recolour);

@@ -33,7 +33,7 @@ def test_a_target_in_the_night_is_not_observed_and_the_run_says_so(tmp_path):
     flight = sm.fly("eros-quick", NIGHT)
     summary = sm.open(flight.save(tmp_path / "night", figures=False, report=False)).summary
     assert summary["coverage_percent"] == summary["delivered_percent"] == 0.0
-    assert [(part["cause"], part["percent"]) for part in summary["not_observed"]] == [("dark", 100.0)]
+    assert [(part["cause"], part["percent"]) for part in summary["not_observed"]] == [("never lit", 100.0)]
     ignored = sm.fly("eros-quick", {**NIGHT, "observation.light": "ignored"}).summary
     assert ignored["coverage_percent"] == 100.0 and ignored["light"] == "ignored"
     assert ignored["incidence_deg"]["min"] > 90.0
@@ -41,7 +41,7 @@ def test_a_target_in_the_night_is_not_observed_and_the_run_says_so(tmp_path):
 
 def test_a_design_of_a_dark_target_is_refused_because_of_light_and_told_when_it_is_lit():
     cheap = {"observation.criterion": "arrival", "designer.max_generations": 1, "observation.observer": "raycast"}
-    with pytest.raises(MissionError, match=r"\(100 % dark\).* all of it is lit at the arrival") as refused:
+    with pytest.raises(MissionError, match=r"\(100 % never lit\).* all of it is lit at the arrival") as refused:
         sm.design("eros-quick", {**NIGHT, **cheap})
     start, end = re.search(r"epoch from (\S+) to (\S+)", str(refused.value)).groups()
     for epoch in (start, end):
@@ -108,7 +108,7 @@ def test_all_pictures_are_sent_where_all_are_asked_for(bennu):
         ({"observation.max_gsd_m": 0.01}, Cause.COARSE),
         ({"observation.min_pixels": 1e7}, Cause.COARSE),
         ({"observation.max_motion_blur_px": 1e-9, "camera.exposure_s": 0.1}, Cause.BLURRED),
-        ({"observation.max_incidence_deg": 0.1}, Cause.DARK),
+        ({"observation.max_incidence_deg": 0.1}, Cause.NEVER_LIT),
         ({"camera.half_angle_deg": 0.01}, Cause.OUT_OF_VIEW),
     ],
     ids=str,

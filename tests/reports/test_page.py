@@ -318,7 +318,7 @@ def test_a_thousand_spacecraft_over_a_fine_mesh_stay_below_15_megabytes(folder):
         run.coverage, vertices=5e3 * target, faces=cells, area=np.ones(len(cells)), first_seen_s=seen,
         first_seen_by_s=by, first_seen_s_passage=seen, first_seen_by_s_passage=by, body_vertices=9e3 * ground,
         body_faces=ground_faces, face_of_cell=np.arange(len(cells)), gsd_m=by / 600.0, incidence_deg=by / 60.0,
-        why=np.zeros(len(cells), np.int8),
+        why=np.zeros(len(cells), np.int8), weight=np.ones(len(cells)),
     )  # fmt: skip
     by_name = {
         key: {name: next(iter(value.values()), 0.0) for name in telemetry["spacecraft"].values}

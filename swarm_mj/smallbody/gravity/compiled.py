@@ -28,6 +28,7 @@ class CompiledField(NamedTuple):
         series: Coefficients of their acceleration, see `SphericalHarmonics`.
         elements: The polyhedron; None for other fields, whose kernels then do without it.
         cell: Side of the cells of its attraction [m]; 0: there are none, see `Polyhedron.in_cells`.
+        bounded: Of harmonics, see `SphericalHarmonics`.
     """
 
     kind: int
@@ -37,6 +38,7 @@ class CompiledField(NamedTuple):
     series: Array
     elements: PolyhedronElements | None
     cell: float
+    bounded: bool = False
 
 
 def compiled_field(gravity: Gravity) -> CompiledField | None:
@@ -44,9 +46,9 @@ def compiled_field(gravity: Gravity) -> CompiledField | None:
     if type(gravity) is PointMass:
         return CompiledField(POINT_MASS, gravity.gm, 1.0, np.empty((0, 0, 2)), np.empty((0, 0, 3, 2)), None, 0.0)
     if type(gravity) is SphericalHarmonics:
-        return CompiledField(HARMONICS, 0.0, *_series_of(gravity), None, 0.0)
+        return CompiledField(HARMONICS, 0.0, *_series_of(gravity), None, 0.0, gravity.bounded)
     if type(gravity) is Polyhedron:
-        return CompiledField(POLYHEDRON, 0.0, *_series_of(gravity.far_field), gravity.elements, gravity.cell)
+        return CompiledField(POLYHEDRON, 0.0, *_series_of(gravity.far_field), gravity.elements, gravity.cell, True)
     return None
 
 
@@ -70,10 +72,10 @@ def write_attraction(
         out: Receives the accelerations in A, shape (n, 3) [m/s^2].
     """
     if field.kind == HARMONICS:
-        write_series(r_A, field.radius, field.recursion, series, False, out)
+        write_series(r_A, field.radius, field.recursion, series, field.bounded, out)
     elif field.kind == POINT_MASS:
         write_point_mass(r_A, field.gm, out)
     elif elements is not None:
         if any_far(r_A, elements.radius):
-            write_series(r_A, field.radius, field.recursion, series, True, out)
+            write_series(r_A, field.radius, field.recursion, series, field.bounded, out)
         write_near_and_far(r_A, elements, field.cell, known, out)

@@ -83,7 +83,7 @@ def test_aboard_no_candidate_takes_a_picture_and_later_each_takes_those_of_its_f
 
 
 def test_a_target_that_is_dark_at_first_is_covered_by_a_design_that_waits_and_its_flight_sees_what_was_promised():
-    with pytest.raises(MissionError, match=r"100 % dark") as refused:
+    with pytest.raises(MissionError, match=r"100 % never lit") as refused:
         sm.design(DATA)
     first, last = map(float, re.search(r"release from (\S+) to (\S+) s past", str(refused.value)).groups())
     design = sm.design(DATA, {"designer.releases_s": [0, 10 * round(0.05 * (first + last))], "duration_s": 1500})
