@@ -103,6 +103,7 @@ def compose_cover(study: Study) -> Figure:
     handles: list[Patch | Line2D] = [Patch(color=TIMES_SEEN[n], label=words[n]) for n in np.unique(state)]
     spot: dict[str, Any] = {"marker": "o", "linestyle": "", "color": VERMILLION, "markeredgecolor": "white"}
     handles.append(Line2D([], [], label="visited point", **spot))
+    handles.append(Line2D([], [], label="point tried", marker="o", linestyle="", color=BLACK, markersize=1.8))
     figure.legend(
         handles=handles, loc="outside lower center", ncols=min(len(handles), 4), fontsize=TICK_PT, frameon=False
     )
@@ -121,9 +122,11 @@ def _covered(study: Study) -> tuple[str, Ints, tuple[str, ...]]:
 
 
 def _draw_points(ax: Axes, study: Study, target: int) -> None:
-    region = study.visibility.region.targets[target]
+    seen, region = study.visibility, study.visibility.region.targets[target]
     flat = flat_points(region, 0, region.vertices[region.visiting_vertex])
-    ax.plot(*flat.T, "o", color=BLACK, markersize=1.8)
+    asked = [*seen.candidates, *(one for one, _ in (*seen.left_out, *seen.thinned))]
+    tried = sorted({one.point - 1 for one in asked if one.target == target})
+    ax.plot(*flat[tried].T, "o", color=BLACK, markersize=1.8)
     chosen = [study.visibility.candidates[p - 1] for p in study.selected]
     for number in sorted({c.point for c in chosen if c.target == target}):
         ax.plot(*flat[number - 1], "o", color=VERMILLION, markersize=8, markeredgecolor="white")

@@ -12,23 +12,26 @@ from numpy.typing import NDArray
 
 from swarm_mj.figures.cell_maps import scale_of, shown_columns, title_of
 from swarm_mj.figures.palette import AMBIENT, GREY, GROUND, LIGHT_GREY
-from swarm_mj.figures.view import shade, unit
+from swarm_mj.figures.view import shade
 from swarm_mj.records.cells import cells_table
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.reports.markup import Content, Html, tag
 from swarm_mj.reports.scene import NO_AXIS, UNLIT
 from swarm_mj.reports.sections import section
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.smallbody.simplify import simplify
+from swarm_mj.smallbody.simplify import Simplified, simplify
+from swarm_mj.typing import Array
 
 #: Most faces of the target, each of which has a colour and words for every quantity, and of the rest of the body.
 FACES, FACES_BESIDE = 5_000, 16_000
 HEIGHT_PX = 560
 #: Steps of a scale of colours, and of its numbers.
 STEPS, TICKS = 64, 6
-#: From where the ground beside the target is lit, beside the viewer; the target's colours are those of the scale.
-LAMP = np.array([0.3, -0.3, 0.5])
-HINT = "Drag to turn, scroll to zoom; point at a cell to read it. Grey: no value, or ground beyond the target."
+#: From where the body is lit, beside the viewer, and how much of their colour cells keep in shade, so that it tells the value.
+LAMP, RELIEF = np.array([0.3, -0.3, 0.5]), 0.75
+HINT = (
+    "Drag to turn, scroll to zoom; point at a cell to read it. Slopes are darker. Grey: no value, or beyond the target."
+)
 
 
 def globe_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
@@ -51,25 +54,22 @@ def globe_figure(run: RunRecord) -> go.Figure:
     target = simplify(coverage["vertices"], coverage["faces"], FACES)
     rest = simplify(coverage["body_vertices"], coverage["body_faces"], FACES_BESIDE)
     names = shown_columns(cells)
-    looks = [_look(name, cells[name].to_numpy(), cells[name], target.kept) for name in names]
+    middle = coverage["area"] @ coverage["vertices"][coverage["faces"]].mean(axis=1)
+    if np.linalg.norm(middle) < 0.1 * coverage["area"].sum() * np.abs(coverage["vertices"]).max():
+        middle = np.array([1.0, 0.8, 0.5])  # a whole body has no side of its own
+    eye = 1.25 * middle / np.linalg.norm(middle)
+    lamp = eye + np.linalg.norm(eye) * LAMP
+    light = _brightness(target, lamp, RELIEF)
+    looks = [_look(name, cells[name], target.kept, light) for name in names]
     buttons = [
         {"label": title_of(name), "method": "restyle", "args": [look, [1, 2]]}
         for name, look in zip(names, looks, strict=True)
     ]
     first = looks[0]
-    middle = coverage["area"] @ coverage["vertices"][coverage["faces"]].mean(axis=1)
-    if np.linalg.norm(middle) < 0.1 * coverage["area"].sum() * np.abs(coverage["vertices"]).max():
-        middle = np.array([1.0, 0.8, 0.5])  # a whole body has no side of its own
-    eye = 1.25 * middle / np.linalg.norm(middle)
-    ground = ShapeModel(rest.vertices, rest.faces.astype(np.int32), "rest of the body")
-    lamp = eye + np.linalg.norm(eye) * LAMP
-    with np.errstate(invalid="ignore"):  # faces without area, which cuts may leave, have no normal
-        normals = np.nan_to_num(ground.face_normals)
-    shaded = shade(np.tile(to_rgb(GROUND), (len(rest.faces), 1)), normals, unit(lamp), AMBIENT)
     traces = [
         go.Mesh3d(
             **_mesh(rest.vertices, rest.faces),
-            facecolor=[rgb2hex(colour) for colour in shaded],
+            facecolor=_hexes(np.outer(_brightness(rest, lamp, AMBIENT), to_rgb(GROUND))),
             hoverinfo="skip",
             lighting=UNLIT,
         ),
@@ -103,11 +103,24 @@ def _mesh(vertices: NDArray[Any], faces: NDArray[Any]) -> dict[str, Any]:
     return dict(zip("xyzijk", columns, strict=True))
 
 
-def _look(name: str, values: NDArray[Any], column: Any, kept: NDArray[Any]) -> dict[str, Any]:
+def _brightness(mesh: Simplified, lamp: Array, ambient: float) -> Array:
+    """Of each face under a distant lamp, 1 where it faces it, shape (F,)."""
+    shape = ShapeModel(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int32), "drawn")
+    with np.errstate(invalid="ignore"):  # faces without area, which cuts may leave, have no normal
+        normals = np.nan_to_num(shape.face_normals)
+    return shade(np.ones((len(normals), 1)), normals, lamp, ambient)[:, 0]
+
+
+def _hexes(colours: Array) -> list[str]:
+    return [rgb2hex(tuple(colour)) for colour in colours.tolist()]
+
+
+def _look(name: str, column: Any, kept: NDArray[Any], light: Array) -> dict[str, Any]:
     """What changes of the target's mesh and of the scale when a quantity is chosen."""
     colours, scale = scale_of(name, column)
-    shown = values[kept].astype(np.float64)
-    paint = [LIGHT_GREY if np.isnan(v) else rgb2hex(c) for v, c in zip(shown, colours(scale(shown)), strict=True)]
+    shown = column.to_numpy(np.float64)[kept]
+    bare = np.where(np.isnan(shown)[:, None], to_rgb(LIGHT_GREY), colours(scale(shown))[:, :3])
+    paint = _hexes(bare * light[:, None])
     words = [f"cell {k + 1}: {_number(column.iloc[k])}" for k in kept.tolist()]
     low, high = float(scale.vmin or 0.0), float(scale.vmax or 1.0)
     steps = np.linspace(0.0, 1.0, STEPS)
