@@ -82,8 +82,9 @@ def extent_of(region: TargetRegion) -> MapExtent:
 
 
 def shown_columns(cells: pd.DataFrame) -> list[str]:
-    """Columns that are shown in colours."""
-    return [name for name in cells if name in PANELS or name.startswith(MAPPED)]
+    """Columns that are shown in colours: those in which some cell has a value."""
+    shown = [name for name in cells if name in PANELS or name.startswith(MAPPED)]
+    return [name for name in shown if cells[name].notna().any()]
 
 
 def title_of(name: str) -> str:

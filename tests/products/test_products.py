@@ -180,3 +180,8 @@ def test_the_globe_has_the_colours_of_its_scale(flight):
     light = shown / colours(scale(cells["gsd_m"][finest]))[:3]  # relief darkens all three alike
     assert RELIEF - 0.03 <= light.min() and light.max() <= 1.03 and np.ptp(light) < 0.06
     assert len(paint) == len(figure.data[1].i) == len(cells)
+
+
+def test_what_no_cell_has_is_neither_drawn_nor_given_a_scale(flight):
+    cells = flight.cells.assign(gsd_m=np.nan)
+    assert "gsd_m" in shown_columns(flight.cells) and "gsd_m" not in shown_columns(cells)
