@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 
 from swarm_mj.compilation import kernel
-from swarm_mj.designer.problem import AREA_UNITS, DesignProblem
+from swarm_mj.designer.problem import WORD, DesignProblem, Words, whole_units
 from swarm_mj.designer.requirements import (
     COUNT,
     PAIR,
     SECTORS,
     Requirements,
-    Words,
     completed,
     covered_by,
     first_gains,
@@ -141,8 +140,7 @@ def class_problem(
     quality_class: QualityClass, looks: Looks, n_points: int, area: Array, **parameters: Any
 ) -> ClassProblem:
     """The problem of a class on the looks of candidates; `area` of each cell, and what else a `DesignProblem` has."""
-    weights = np.rint(area / area.sum() * AREA_UNITS).astype(np.int64)
-    asked, conditions, lacking = class_requirements(quality_class, looks, n_points, weights)
+    asked, conditions, lacking = class_requirements(quality_class, looks, n_points, whole_units(area))
     return ClassProblem(
         asked=asked,
         points=n_points,
@@ -239,7 +237,7 @@ def _graph(
     ends = _has_edge(bounds, looks, varied, start, kept, which, len(owner))
     number = np.cumsum(ends) - 1
     sizes = np.bincount(owner[ends], minlength=len(start) - 1)
-    words = -(-sizes // 64)
+    words = -(-sizes // WORD)
     first = np.concatenate([[0], np.cumsum(sizes)])
     own = words[owner[ends]]
     value = np.cumsum(own) - own
@@ -280,4 +278,4 @@ def _write_edges(
                 if _go_together(bounds, looks, varied, kept[a], kept[b]):
                     for one, other in ((which[a], which[b]), (which[b], which[a])):
                         place = number[other] - first[cell]
-                        edges[value[number[one]] + place // 64] |= np.uint64(1) << np.uint64(place % 64)
+                        edges[value[number[one]] + place // WORD] |= np.uint64(1) << np.uint64(place % WORD)

@@ -30,7 +30,7 @@ from scipy.sparse import coo_array, csr_array, hstack, vstack
 
 from swarm_mj.designer.problem import DesignProblem
 from swarm_mj.designer.reduction import ReducedProblem, cells_of, reduce_problem
-from swarm_mj.designer.relaxation import BROKEN, Rows, climb, reduced_costs, rows_of, violated
+from swarm_mj.designer.relaxation import BROKEN, LEAST_STEP, Rows, climb, reduced_costs, rows_of, violated
 from swarm_mj.designer.repair import repair_designs
 from swarm_mj.designer.requirements import COUNT, completed, first_gains, fulfilled, pruned
 from swarm_mj.errors import MissionError
@@ -42,8 +42,8 @@ from swarm_mj.typing import Array, Ints
 FEASIBILITY_TOLERANCE = 1e-6
 #: Contributions of points to cells with which HiGHS is given all rows at once, without a warm start.
 AT_ONCE_MOST = 30_000
-#: Steps along subgradients between two greedy designs, and how often; they end where the length of a step is below the least.
-CLIMB, CLIMBS, LEAST_STEP = 50, 40, 1e-4
+#: Steps along subgradients between two greedy designs, and how often.
+CLIMB, CLIMBS = 50, 40
 #: Shares of the time limit after which the bound climbs no more, and linear relaxations end.
 CLIMB_SHARE, SEARCH_SHARE, RELAX_SHARE = 0.25, 0.4, 0.7
 #: How often a part of the best design is dropped and completed again.
@@ -327,7 +327,7 @@ class _Program:
         self.excluded |= bound + np.maximum(reduced_cost, 0.0) > self.upper - self.step + FEASIBILITY_TOLERANCE
 
     def relax(self) -> None:
-        """Solve linear relaxations, adding broken rows, until none is broken or half of the time is up."""
+        """Solve linear relaxations, adding broken rows, until none is, the bound rises no more, or their time is up."""
         stale = 0
         while not self.is_closed and stale < PATIENCE:
             answer = self.solve(self.left(RELAX_SHARE), whole=False)

@@ -120,6 +120,11 @@ def covered_weights(rows: Words, table: Ints, genes: Ints, fold: int) -> Ints:
 AREA_UNITS = 2**50
 
 
+def whole_units(area: Array) -> Ints:
+    """Areas in any unit, shape (n_faces,), as whole `AREA_UNITS`."""
+    return np.rint(area / area.sum() * AREA_UNITS).astype(np.int64)
+
+
 class Evaluation(NamedTuple):
     """What a set of designs is worth, one entry per design.
 
@@ -202,7 +207,7 @@ class DesignProblem(ABC):
     @cached_property
     def weights(self) -> Ints:
         """Areas as whole `AREA_UNITS`, shape (n_faces,)."""
-        return np.rint(self.area / self.area.sum() * AREA_UNITS).astype(np.int64)
+        return whole_units(self.area)
 
     @cached_property
     def total_weight(self) -> int:

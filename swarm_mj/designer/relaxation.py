@@ -24,6 +24,7 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from swarm_mj.compilation import kernel
+from swarm_mj.designer.problem import WORD
 from swarm_mj.designer.requirements import COUNT, PAIR, SECTORS, Requirements, bits_of, largest_unfulfilling
 from swarm_mj.typing import Array, Ints, Mask
 
@@ -31,6 +32,8 @@ from swarm_mj.typing import Array, Ints, Mask
 BROKEN = 1e-4
 #: Rows added to a relaxation at one go, the most broken ones.
 AT_ONCE = 3000
+#: The climb ends where the length of a step, as a share of the gap, is below this.
+LEAST_STEP = 1e-4
 
 
 class Rows(NamedTuple):
@@ -112,7 +115,7 @@ def _amount(q: Requirements, r: int, e: int) -> int:
     """Most that one point gives to a requirement."""
     if q.kind[r] == PAIR:
         own = e - q.first[r]
-        return 2 if q.edges[q.value[e] + own // 64] >> np.uint64(own % 64) & np.uint64(1) else 1
+        return 2 if q.edges[q.value[e] + own // WORD] >> np.uint64(own % WORD) & np.uint64(1) else 1
     return min(bits_of(q.value[e]) if q.kind[r] == SECTORS else q.value[e], q.need[r])
 
 
@@ -155,20 +158,6 @@ def _friends(q: Requirements, r: int) -> Ints:
     return found
 
 
-class Lower(NamedTuple):
-    """What a Lagrangian relaxation says.
-
-    Attributes:
-        bound: No design costs less.
-        multipliers: u of that bound, shape (n_rows,).
-        reduced_cost: Of each point at u, shape (n_points,).
-    """
-
-    bound: float
-    multipliers: Array
-    reduced_cost: Array
-
-
 @kernel
 def climb(
     first: Ints, column: Ints, value: Array, need: Array, cell: Ints, weights: Ints, mandatory: Mask, slack: int,
@@ -197,7 +186,7 @@ def climb(
                     short -= value[e]
             slope[r] = 0.0 if u[r] == 0.0 and short < 0.0 else short
             norm += slope[r] * slope[r]
-        if norm == 0.0 or step < 1e-4:
+        if norm == 0.0 or step < LEAST_STEP:
             break
         for r in range(len(u)):
             u[r] = max(0.0, u[r] + step * max(1.02 * upper - bound, 0.05) / norm * slope[r])

@@ -15,15 +15,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.compilation import allocation_free, kernel
+from swarm_mj.designer.problem import WORD, Words
 from swarm_mj.typing import Array, Ints, Ints32, Mask
 
-Words = NDArray[np.uint64]
-
 COUNT, SECTORS, PAIR = 0, 1, 2
-WORD = 64
 
 
 class Requirements(NamedTuple):

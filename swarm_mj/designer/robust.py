@@ -38,8 +38,9 @@ from scipy.sparse import coo_array
 from swarm_mj.compilation import kernel
 from swarm_mj.designer.candidates.pictures import Progress
 from swarm_mj.designer.candidates.visibility import Candidate, Visibility, observers_of
-from swarm_mj.designer.exact import FEASIBILITY_TOLERANCE, Waiting, reduce_problem
+from swarm_mj.designer.exact import FEASIBILITY_TOLERANCE, Waiting
 from swarm_mj.designer.problem import CoverProblem, Words, pack, set_weight, weight_table
+from swarm_mj.designer.reduction import reduce_problem
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
@@ -395,7 +396,7 @@ class RobustSearch:
         if level.bound > self.most:
             return f"{asked}: {most} are proven not to keep it; {known}; {remedy}"
         return (
-            f"{asked}: {most} that keep it were not found in designer.time_limit_s = {time_limit_s:g}, nor proven not to exist "
+            f"{asked}: {most} that keep it were not found in designer.time_limit_s = {time_limit_s:g}, nor proven not to exist"
             f" (at least {level.bound} are needed; {level.refused} kept it on {len(self.realisations)} realisations, "
             f"but not on the seeds of designer.check_flights); {known}; {remedy}, or allow more time"
         )
