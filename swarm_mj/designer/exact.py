@@ -36,7 +36,7 @@ from swarm_mj.designer.requirements import COUNT, completed, first_gains, fulfil
 from swarm_mj.errors import MissionError
 from swarm_mj.io import highs
 from swarm_mj.observation.coverage import rounded_up_digits
-from swarm_mj.typing import Array, Ints
+from swarm_mj.typing import Array, Ints, Mask
 
 #: HiGHS accepts constraints violated by this much; the tolerance is loosened by it so that no true design is lost.
 FEASIBILITY_TOLERANCE = 1e-6
@@ -187,7 +187,7 @@ def solve_budget(problem: DesignProblem, n_observers: int, time_limit_s: float |
             LinearConstraint(few, 1.0, n_observers),
         ]
         left = None if time_limit_s is None else max(time_limit_s - (time.perf_counter() - start), 0.0)
-        answer = _milp(np.concatenate([np.zeros(n_points), percent]), constraints, left)
+        answer = solve_program(np.concatenate([np.zeros(n_points), percent]), constraints, left)
         if answer.x is None:
             raise MissionError(f"nothing was found in {time_limit_s} s: allow more time")
         x, missed = np.rint(answer.x[:n_points]), np.rint(answer.x[n_points:])
@@ -413,7 +413,7 @@ class _Program:
         number[self.optional] = np.arange(len(self.optional))
         constraints = [*self._rows(rows, number), *self._limits(number)]
         most = np.concatenate([np.where(self.excluded, 0.0, 1.0), np.ones(len(self.optional))])
-        return _milp(self._objective(), constraints, time_limit_s, self.waiting, most=most, whole=whole)
+        return solve_program(self._objective(), constraints, time_limit_s, self.waiting, most=most, whole=whole)
 
     def _objective(self) -> Array:
         return np.concatenate([self.cost, np.zeros(len(self.optional))])
@@ -451,14 +451,14 @@ def _price(problem: DesignProblem) -> float:
     return 1.0 / (problem.n_points + 1.0)
 
 
-def _milp(
+def solve_program(
     objective: Array,
     constraints: list[LinearConstraint],
     time_limit_s: float | None,
     waiting: Waiting = None,
     *,
     most: Array | float = 1.0,
-    whole: bool = True,
+    whole: Mask | bool = True,
 ) -> Any:
     """HiGHS on numbers from 0 to `most`, whole ones or not, run until proven or as far as the time allows."""
     joined = LinearConstraint(
@@ -470,7 +470,7 @@ def _milp(
         "c": objective,
         "constraints": joined,
         "bounds": Bounds(0.0, np.broadcast_to(most, objective.shape)),
-        "integrality": np.full(len(objective), int(whole)),
+        "integrality": np.broadcast_to(whole, objective.shape).astype(np.int64),
         "options": {"mip_rel_gap": 0.0},
     }
     return highs.solve(program, time_limit_s, waiting)

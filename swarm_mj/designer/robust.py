@@ -32,20 +32,20 @@ from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint
+from scipy.optimize import LinearConstraint
 from scipy.sparse import coo_array
 
 from swarm_mj.compilation import kernel
 from swarm_mj.designer.candidates.pictures import Progress
 from swarm_mj.designer.candidates.visibility import Candidate, Visibility, observers_of
-from swarm_mj.designer.exact import FEASIBILITY_TOLERANCE, Waiting
+from swarm_mj.designer.exact import FEASIBILITY_TOLERANCE, Waiting, solve_program
 from swarm_mj.designer.problem import CoverProblem, Words, pack, set_weight, weight_table
 from swarm_mj.designer.reduction import reduce_problem
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.io import highs, interruption
+from swarm_mj.io import interruption
 from swarm_mj.scenarios.itinerary import arrival_times
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
@@ -456,13 +456,13 @@ class RobustSearch:
         within[chosen] = True
         helps = np.any([s.full[:, cells].any(axis=1) for s, cells in zip(self.samples, few, strict=True)], axis=0)
         within |= ~helps
-        probability = self._restricted(within, few)
+        probability = self._restricted(np.flatnonzero(within), few)
         for j in np.argsort(sum(s.full[:, cells].sum(axis=1) for s, cells in zip(self.samples, few, strict=True))):
             if time.perf_counter() > until_s:
                 break
             if not within[j] and (within & helps).sum() < MOST:
                 within[j] = True
-                if (more := self._restricted(within, few)) < asked:
+                if (more := self._restricted(np.flatnonzero(within), few)) < asked:
                     probability = more
                 else:
                     within[j] = False
@@ -471,16 +471,13 @@ class RobustSearch:
     def _explaining(self, chosen: Ints, asked: float) -> list[Mask]:
         """Cells of each realisation that explain why a design fails: those with the fewest who see them."""
         times = [s.full[chosen].sum(axis=0) for s in self.samples]
-        within = np.zeros(self.n_points, np.bool_)
-        within[chosen] = True
         for most in range(len(chosen)):
             few = [t <= most for t in times]
-            if self._restricted(within, few) < asked:
+            if self._restricted(chosen, few) < asked:
                 return few
         return [np.ones(s.full.shape[1], np.bool_) for s in self.samples]
 
-    def _restricted(self, within: Mask, few: Sequence[Mask]) -> float:
-        chosen = np.flatnonzero(within)
+    def _restricted(self, chosen: Ints, few: Sequence[Mask]) -> float:
         interruption.check()
         return float(np.mean([s.probability(chosen, cells) for s, cells in zip(self.samples, few, strict=True)]))
 
@@ -490,10 +487,10 @@ class _Program:
 
     def __init__(self, samples: Sequence[Sample], union: Sample | None, n: int, asked: float) -> None:
         self._points, self._asked, self._n = len(samples[0].full), asked, n
-        self._entries: list[tuple[Ints, Ints, Array]] = []
+        self._terms: list[tuple[Any, ...]] = []
         self._least: list[float] = []
         self._costs = [np.zeros(self._points)]
-        self._add(np.zeros(self._points, np.int64), np.arange(self._points), -np.ones(self._points), [-float(n)])
+        self._add([-float(n)], (0, np.arange(self._points), -1.0))
         for group in ([union], samples) if union is not None else (samples,):
             before = sum(map(len, self._costs))
             for sample in group:
@@ -501,7 +498,7 @@ class _Program:
                 self._block(sample, _pairs(sample) if len(group) == 1 else np.empty((0, 2), np.int64), 1.0 / len(group))
             costs = np.concatenate(self._costs)
             failing = before + np.flatnonzero(costs[before:])
-            self._add(np.zeros(len(failing), np.int64), failing, -costs[failing], [asked - 1.0 - FEASIBILITY_TOLERANCE])
+            self._add([asked - 1.0 - FEASIBILITY_TOLERANCE], (0, failing, -costs[failing]))
 
     def _new(self, cost: Array) -> Ints:
         """Columns that cost what they add to the probability of failing."""
@@ -509,9 +506,9 @@ class _Program:
         self._costs.append(cost)
         return np.arange(first, first + len(cost))
 
-    def _add(self, row: Ints, column: Ints, value: Array, least: Sequence[float]) -> None:
-        """Rows, counted from 0, that are at least so much."""
-        self._entries.append((row + len(self._least), column, value))
+    def _add(self, least: Sequence[float], *terms: tuple[Any, Any, Any]) -> None:
+        """Rows that are at least so much, of terms: rows counted from 0, columns and factors, one may stand for all."""
+        self._terms += [np.broadcast_arrays(row + len(self._least), column, value) for row, column, value in terms]
         self._least += least
 
     def _block(self, sample: Sample, pairs: Ints, weight: float) -> None:
@@ -522,50 +519,44 @@ class _Program:
         if weight == 1.0:
             most = min(most, -math.log(self._asked))
         slope = -math.expm1(-most) / most if most > 0.0 else 0.0
-        (v,), y = self._new(np.array([weight])), self._new(weight * slope * a)
+        v, y = self._new(np.array([weight])), self._new(weight * slope * a)
         if not sample.possible:
-            self._add(np.zeros(1, np.int64), np.array([v]), np.ones(1), [1.0])
+            self._add([1.0], (0, v, 1.0))
             return
         w = chance[pairs[:, 0]] * chance[pairs[:, 1]] * (1.0 - worst) ** max(self._n - 2, 0)
         both, optional = self._new(weight * w), np.flatnonzero(~sample.mandatory)
         missed = self._new(np.zeros(len(optional)))
         j, c = np.nonzero(sample.full)
         cells = np.arange(len(sample.mandatory))
-        on = np.ones(len(j))
-        self._add(np.concatenate((c, cells, optional)), np.concatenate((j, np.full(len(cells), v), missed)),
-                  np.concatenate((on, np.ones(len(cells) + len(optional)))), [1.0] * len(cells))  # fmt: skip
+        self._add([1.0] * len(cells), (c, j, 1.0), (cells, v, 1.0), (optional, missed, 1.0))
         if len(optional):
-            self._add(
-                np.zeros(len(optional), np.int64), missed, -sample.shares[optional], [-1.0 - FEASIBILITY_TOLERANCE]
-            )
+            self._add([-1.0 - FEASIBILITY_TOLERANCE], (0, missed, -sample.shares[optional]))
         must = sample.mandatory[c]
         j, c, gone = j[must], (np.cumsum(sample.mandatory) - 1)[c[must]], ~sample.lost[j[must], c[must]]
-        count = int(sample.mandatory.sum())
-        if (
-            weight == 1.0
-        ):  # one cell alone is missed with at most 1 - P: so many must see it, if it is not seen even when lost
-            seers = math.ceil(
-                math.log1p(-self._asked) / math.log(max(float(chance.min()), 1e-300)) - FEASIBILITY_TOLERANCE
-            )
-            self._add(c, j, np.where(gone, 1.0 / max(seers, 1), 1.0), [1.0] * count)
-        for least, more in ((2.0, np.empty((2, 0), np.int64)), (3.0, self._shared(sample, pairs))):
-            if least == 3.0 and not len(pairs):
-                continue
-            self._add(
-                np.concatenate((c, c[gone], np.arange(count), more[1])),
-                np.concatenate((j, y[j[gone]], np.full(count, v), both[more[0]])),
-                np.concatenate((np.where(gone, 1.0, least), np.full(int(gone.sum()), least - 1.0), np.full(count, least),
-                                np.ones(more.shape[1]))),
-                [least] * count,
-            )  # fmt: skip
+        cells = np.arange(sample.mandatory.sum())
+        if weight == 1.0:
+            # One cell alone is missed with at most 1 - P: so many must see it, if it is not seen even when lost.
+            rarest = math.log(max(float(chance.min()), 1e-300))
+            seers = math.ceil(math.log1p(-self._asked) / rarest - FEASIBILITY_TOLERANCE)
+            self._add([1.0] * len(cells), (c, j, np.where(gone, 1.0 / max(seers, 1), 1.0)))
+        for least, some in ((2.0, pairs[:0]), (3.0, pairs)):
+            if least == 2.0 or len(some):
+                pair, cell = self._shared(sample, some)
+                self._add(
+                    [least] * len(cells),
+                    (c, j, np.where(gone, 1.0, least)),
+                    (c[gone], y[j[gone]], least - 1.0),
+                    (cells, v, least),
+                    (cell, both[pair], 1.0),
+                )
         self._implied(y, np.arange(self._points))
         self._implied(both, pairs[:, 0])
         self._implied(both, pairs[:, 1])
 
     def _implied(self, columns: Ints, points: Ints) -> None:
         """Nobody who is not sent is missed."""
-        row, one = np.arange(len(columns)), np.ones(len(columns))
-        self._add(np.tile(row, 2), np.concatenate((points, columns)), np.concatenate((one, -one)), [0.0] * len(row))
+        row = np.arange(len(columns))
+        self._add([0.0] * len(row), (row, points, 1.0), (row, columns, -1.0))
 
     @staticmethod
     def _shared(sample: Sample, pairs: Ints) -> Ints:
@@ -575,28 +566,17 @@ class _Program:
 
     def refuse(self, chosen: Ints) -> None:
         """Exclude a design and all within it."""
-        others = np.setdiff1d(np.arange(self._points), chosen)
-        self._add(np.zeros(len(others), np.int64), others, np.ones(len(others)), [1.0])
+        self._add([1.0], (0, np.setdiff1d(np.arange(self._points), chosen), 1.0))
 
     def solve(self, excluded: Sequence[Mask], time_limit_s: float) -> Any:
         """The answer of HiGHS, with somebody sent from outside of each set that is excluded."""
-        failing = np.concatenate(self._costs)
-        rows, columns, values = (np.concatenate(part) for part in zip(*self._entries, strict=True))
-        extra = [np.flatnonzero(~within) for within in excluded]
-        extra_rows = np.repeat(np.arange(len(extra)), [len(one) for one in extra]) + len(self._least)
-        where = np.concatenate((rows, extra_rows)), np.concatenate((columns, *extra))
-        least = np.concatenate((self._least, np.ones(len(extra))))
-        matrix = coo_array(
-            (np.concatenate((values, np.ones(len(extra_rows)))), where), shape=(len(least), len(failing))
-        )
-        program = {
-            "c": failing,
-            "constraints": LinearConstraint(matrix.tocsr(), least, np.inf),
-            "bounds": Bounds(0.0, 1.0),
-            "integrality": (np.arange(len(failing)) < self._points).astype(np.int64),
-            "options": {"mip_rel_gap": 0.0},
-        }
-        return highs.solve(program, time_limit_s)
+        n, failing = len(self._least), np.concatenate(self._costs)
+        more = [np.broadcast_arrays(n + i, np.flatnonzero(~within), 1.0) for i, within in enumerate(excluded)]
+        rows, columns, values = (np.concatenate(part) for part in zip(*self._terms, *more, strict=True))
+        least = np.concatenate((self._least, np.ones(len(more))))
+        matrix = coo_array((values, (rows, columns)), shape=(len(least), len(failing)))
+        whole = np.arange(len(failing)) < self._points
+        return solve_program(failing, [LinearConstraint(matrix.tocsr(), least, np.inf)], time_limit_s, whole=whole)
 
 
 def _pairs(sample: Sample) -> Ints:
@@ -606,7 +586,7 @@ def _pairs(sample: Sample) -> Ints:
     return np.argwhere(np.triu((lose @ lose.T > 0) & likely[:, None] & likely, 1))
 
 
-def flights_of(
+def fly_realisations(
     scenario: Scenario, candidates: Sequence[Candidate], seeds: Sequence[int], progress: Progress | None = None
 ) -> Iterator[Realisation]:
     """Fly candidates together as the scenario disperses them, but for its losses: a realisation of each seed.
@@ -659,7 +639,8 @@ def robust_search(scenario: Scenario, seen: Visibility, progress: Progress | Non
         realisations, others = [realise(np.where(seen.sees, at_s, np.nan), seen.area, losses, rng)], []
     else:
         count = designer.realisations
-        flights = flights_of(scenario, seen.candidates, _seeds(scenario, count + designer.check_flights), progress)
+        seeds = _seeds(scenario, count + designer.check_flights)
+        flights = fly_realisations(scenario, seen.candidates, seeds, progress)
         realisations = list(islice(flights, count))
         others = [Sample(one, designer.tolerance_percent) for one in flights]
     return RobustSearch(
