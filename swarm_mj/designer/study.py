@@ -242,8 +242,7 @@ class _Work:
         if not robust:  # evolution knows of no losses
             self.evolve("repair")
         with self.clock.stage("proof", f"proof, at most {limit:g} s") as (tell,):
-            waiting = None if tell is None else lambda seconds: tell(seconds / limit)
-            self.exact = self.prove(limit, waiting)
+            self.exact = self.prove(limit, _waiting(tell, limit))
         if robust:
             self.secure(limit)
         else:
@@ -270,7 +269,7 @@ class _Work:
         for p in dict.fromkeys((asked, *CERTAINTIES)):
             name = f"design for P = {p:g}, at most {limit:g} s"
             with self.clock.stage(f"P = {p:g}", name) as (tell,):
-                level = search.fewest(p, limit, None if tell is None else partial(_share, tell, limit))
+                level = search.fewest(p, limit, _waiting(tell, limit))
             self.certainty.append(level)
             if p == asked:
                 if level.points is None:
@@ -355,8 +354,9 @@ def _deadline_search(scenario: Scenario, seen: Visibility, problem: DesignProble
     return DeadlineSearch(problem=problem, needs=needs, limit_s=hours * HOUR, fly=fly)
 
 
-def _share(tell: Callable[[float], None], limit: float, seconds: float) -> None:
-    tell(min(seconds / limit, 1.0))
+def _waiting(tell: Callable[[float], None] | None, limit: float) -> Waiting:
+    """Tells the share of a time limit [s] that is used up."""
+    return None if tell is None else lambda seconds: tell(min(seconds / limit, 1.0))
 
 
 class Growth(NamedTuple):

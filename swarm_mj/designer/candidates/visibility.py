@@ -184,7 +184,7 @@ def visibility(
     """Fly every candidate and judge its pictures.
 
     From `designer.thin_from` candidates on those are left out that see no more than others, as far as that is known beforehand,
-    see `Thinning`; not where `designer.deliver_within_h` or `designer.probability` asks more of them than what they see.
+    see `Thinning`; not where `deliver_within_h`, `probability` or `quality_class` of the designer asks for more than that.
 
     Args:
         scenario: Says what counts as observed, and with `designer` which altitudes, times and targets there are.
@@ -349,24 +349,19 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | R
         found.why = judge.why  # filled in as it judges
         if (quality_class := scenario.designed_class) is not None:
             judge.keep_looks(scenario, quality_class)
-        if (
-            len(watchers) < designer.thin_from
-            or designer.deliver_within_h is not None
-            or designer.probability is not None
-            or quality_class is not None
-        ):
-            try:
+        asked = (designer.deliver_within_h, designer.probability, quality_class)
+        try:
+            if len(watchers) < designer.thin_from or any(one is not None for one in asked):
                 found.judge(judge, watchers, np.arange(len(watchers)))
-            finally:
-                found.looks = judge.looks
-            found.tell_never_lit(judge, [flights for _, _, flights in flown])
-            return
-        found.tell(0, 0.0)  # the flights are done
-        reach = np.stack([judge.could_see(watcher) for watcher in watchers])
-        thinning = Thinning(reach, found.sees, fold=designer.fold, cost=cost)
-        found.stand_in = thinning.stand_in
-        for wave in thinning.waves():
-            found.judge(judge, watchers, wave)
+            else:
+                found.tell(0, 0.0)  # the flights are done
+                reach = np.stack([judge.could_see(watcher) for watcher in watchers])
+                thinning = Thinning(reach, found.sees, fold=designer.fold, cost=cost)
+                found.stand_in = thinning.stand_in
+                for wave in thinning.waves():
+                    found.judge(judge, watchers, wave)
+        finally:
+            found.looks = judge.looks
         found.tell_never_lit(judge, [flights for _, _, flights in flown])
         found.tell(len(watchers), 0.0)
 
