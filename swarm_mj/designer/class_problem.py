@@ -130,11 +130,6 @@ class ClassProblem(DesignProblem):
         here = [(words, (lack == kind) & (unseen == Cause.NONE)) for kind, words in WORDS.items()]
         return found | {words: float(percent[cells].sum()) for words, cells in here if cells.any()}
 
-    def shortfall_words(self) -> str:
-        """Why faces cannot be mapped, in brackets, with shares of the target."""
-        found = self.causes()
-        return f" ({', '.join(f'{share:.3g} % {words}' for words, share in found.items())})" if found else ""
-
 
 def class_problem(
     quality_class: QualityClass, looks: Looks, n_points: int, area: Array, **parameters: Any

@@ -191,8 +191,13 @@ class DesignProblem(ABC):
         """Weight that each of many gene maps covers, shape (m,)."""
 
     @abstractmethod
+    def causes(self) -> dict[str, float]:
+        """Shares of the target's area that no points cover, by their cause in words [%]; empty where that is not known."""
+
     def shortfall_words(self) -> str:
-        """Why faces fall short, in brackets, with shares of the target; empty where that is not known."""
+        """The causes in brackets, for messages."""
+        found = self.causes()
+        return f" ({', '.join(f'{share:.3g} % {words}' for words, share in found.items())})" if found else ""
 
     @property
     def n_faces(self) -> int:
@@ -327,12 +332,10 @@ class CoverProblem(DesignProblem):
         """Weight that each of many gene maps covers, shape (m,)."""
         return np.asarray(covered_weights(self.rows, self.table, genes, self.fold))
 
-    def shortfall_words(self) -> str:
-        """Why faces are seen from nowhere, in brackets, with shares of the target."""
-        if not len(self.why):
-            return ""
-        found = shares(self.area, self.why)
-        return f" ({', '.join(f'{share:.3g} % {WORDS[cause]}' for cause, share in found.items())})" if found else ""
+    def causes(self) -> dict[str, float]:
+        """Shares of the target's area that are seen from nowhere, by their cause in words [%]; empty where `why` is."""
+        found = shares(self.area, self.why) if len(self.why) else {}
+        return {WORDS[cause]: share for cause, share in found.items()}
 
 
 def gene_map(points: Sequence[int] | Ints, max_observers: int) -> Ints:

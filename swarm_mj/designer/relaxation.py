@@ -34,6 +34,10 @@ BROKEN = 1e-4
 AT_ONCE = 3000
 #: The climb ends where the length of a step, as a share of the gap, is below this.
 LEAST_STEP = 1e-4
+#: After so many iterations without a better bound the step shrinks by this factor, and the climb goes on from the best one.
+STALE, SHRINK = 15, 0.6
+#: The climb aims at this multiple of the cost of the best design known, so that steps do not vanish near it.
+AIMED = 1.02
 
 
 class Rows(NamedTuple):
@@ -174,8 +178,8 @@ def climb(
             stale += 1
         if bound > best:
             best, best_u = bound, u.copy()
-        if stale >= 15:
-            step, stale = 0.6 * step, 0
+        if stale >= STALE:
+            step, stale = SHRINK * step, 0
             u[:] = best_u
             continue
         slope, norm = np.empty(len(u)), 0.0
@@ -189,7 +193,7 @@ def climb(
         if norm == 0.0 or step < LEAST_STEP:
             break
         for r in range(len(u)):
-            u[r] = max(0.0, u[r] + step * max(1.02 * upper - bound, 0.05) / norm * slope[r])
+            u[r] = max(0.0, u[r] + step * max(AIMED * upper - bound, 0.05) / norm * slope[r])
     return best, best_u, step
 
 
