@@ -20,12 +20,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, linprog
+from scipy.optimize import LinearConstraint, linprog
 from scipy.sparse import csr_array, eye_array, hstack, vstack
 
 from swarm_mj.coordination.allocation.greedy import greedy
 from swarm_mj.coordination.allocation.optimum import LEAST_S, optimum
 from swarm_mj.coordination.allocation.problem import Allocation, AllocationProblem, Schedule
+from swarm_mj.designer.exact import solve_program
 from swarm_mj.errors import MissionError
 from swarm_mj.io import highs
 from swarm_mj.typing import Array, Mask
@@ -128,19 +129,19 @@ def _greedy_design(problem: AllocationProblem, slack: float) -> list[Column]:
     return design
 
 
-def _matrix(problem: AllocationProblem, columns: list[Column], slack: float) -> tuple[csr_array, Array]:
-    """Rows of the master in <=: a row for each patch, and the tolerance; and their right sides."""
+def _master(problem: AllocationProblem, columns: list[Column], slack: float) -> tuple[Array, csr_array, Array]:
+    """Costs, rows in <=, one for each patch and the tolerance, and their right sides."""
+    cost = np.concatenate([np.ones(len(columns)), np.zeros(problem.n_patches)])
     shown = csr_array(np.array([column.shows for column in columns]).T.astype(np.float64))
     scale = float(problem.weight.max())
     missed = csr_array(np.concatenate([np.zeros(len(columns)), problem.weight / scale])[None, :])
     rows = vstack([-hstack([shown, eye_array(problem.n_patches)]), missed], format="csr")
-    return rows, np.append(-np.ones(problem.n_patches), slack / scale)
+    return cost, rows, np.append(-np.ones(problem.n_patches), slack / scale)
 
 
 def _prices(problem: AllocationProblem, columns: list[Column], slack: float) -> Array:
     """Duals of the patches, not negative, shape (p,)."""
-    rows, right = _matrix(problem, columns, slack)
-    cost = np.concatenate([np.ones(len(columns)), np.zeros(problem.n_patches)])
+    cost, rows, right = _master(problem, columns, slack)
     program = {"c": cost, "A_ub": rows, "b_ub": right, "bounds": (0.0, None), "options": {}}
     answer = highs.solve(program, None, by=linprog)
     if answer.status != 0:
@@ -169,19 +170,11 @@ def _farley(price: Array, weight: Array, slack: float) -> float:
 
 def _whole(problem: AllocationProblem, columns: list[Column], slack: float, until: float) -> list[Column] | None:
     """The fewest of the columns so far, one a path; None where none was found in time."""
-    rows, right = _matrix(problem, columns, slack)
+    cost, rows, right = _master(problem, columns, slack)
     paths = np.array([column.path for column in columns])
     once = np.hstack([np.arange(problem.n_agents)[:, None] == paths, np.zeros((problem.n_agents, problem.n_patches))])
-    answer = highs.solve(
-        {
-            "c": np.concatenate([np.ones(len(columns)), np.zeros(problem.n_patches)]),
-            "constraints": [LinearConstraint(rows, -np.inf, right), LinearConstraint(once, -np.inf, 1.0)],
-            "bounds": Bounds(0.0, 1.0),
-            "integrality": np.ones(len(columns) + problem.n_patches),
-            "options": {"mip_rel_gap": 0.0},
-        },
-        max(until - time.perf_counter(), LEAST_S),
-    )
+    constraints = [LinearConstraint(rows, -np.inf, right), LinearConstraint(once, -np.inf, 1.0)]
+    answer = solve_program(cost, constraints, max(until - time.perf_counter(), LEAST_S))
     if answer.x is None:
         return None
     chosen = [columns[i] for i in np.flatnonzero(answer.x[: len(columns)] > 0.5)]
