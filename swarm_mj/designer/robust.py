@@ -54,7 +54,7 @@ from swarm_mj.typing import Array, Ints, Mask
 
 #: Faults after which a spacecraft counts as seeing nothing more, though a camera may come back or look out of the deployer.
 LOSSES = ("spacecraft_lost", "camera_off", "missed_deployment")
-#: Spacecraft of which all losses are looked at.
+#: Spacecraft of which all losses are looked at: their tree has 2^24 leaves at worst.
 MOST = 24
 #: Designs of one number that may fall short of the probability on the other seeds before one more is taken.
 MOST_REFUSED = 20
