@@ -58,10 +58,8 @@ def compose_panels(plan: Plan, cells: pd.DataFrame) -> Figure:
     figure = new_figure(HEAD_IN + ROW_IN * rows, f"Maps of the target: {plan.scenario.name}")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     ground = survey(plan.region.mesh, window, PLACES)
-    cell = np.full(len(plan.region.faces) + 1, -1)  # the last stands for no ground
-    cell[plan.region.target] = np.arange(plan.region.n_cells)
     for ax, name in zip(axes, names, strict=False):
-        values = np.append(cells[name].to_numpy(np.float64), np.nan)[cell[ground.face]]
+        values = np.append(plan.region.by_face(cells[name].to_numpy()), np.nan)[ground.face]  # face -1: no ground
         _panel(figure, ax, ground, values, name, cells)
         name_map(ax, window)
     for ax in axes[len(names) :]:

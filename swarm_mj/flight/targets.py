@@ -105,7 +105,7 @@ def pyramid_about(target: Target) -> Pyramid:
     """The pyramid about a target that bounds it, for behaviours that aim at a target.
 
     Raises:
-        MissionError: None does.
+        MissionError: No pyramid holds it, or only one that reaches too far around the body.
     """
     feature = feature_of(target)
     if isinstance(feature, Pyramid):

@@ -87,6 +87,12 @@ class TargetRegion:
         """Numbers of the cells that belong to one of `targets`, ascending."""
         return np.searchsorted(self.target, self.targets[target].target)
 
+    def by_face(self, values: Array) -> Array:
+        """Values of the cells, shape (n,), for each face of the cut mesh; NaN beyond the target, shape (F,)."""
+        found = np.full(len(self.faces), np.nan)
+        found[self.target] = values
+        return found
+
     @property
     def vertices(self) -> Array:
         """Vertices of the cut mesh in A [m], shape (V, 3)."""
@@ -127,7 +133,7 @@ class TargetRegion:
         """Of the target [m^2]."""
         return float(self.weighted_area.sum())
 
-    @property
+    @cached_property
     def typical_area(self) -> float:
         """Area of the target's median cell [m^2]; of a polygon, whose sides cut slivers, half of the area is in larger ones."""
         if self.kind != "polygon":
