@@ -16,7 +16,7 @@ from swarm_mj.figures.maps import Ground, MapExtent, latitude_longitude, name_ma
 from swarm_mj.figures.palette import GREY, LIGHT_GREY, ORANGE, SKY_BLUE
 from swarm_mj.figures.style import SMALL_PT, caption, new_figure
 from swarm_mj.flight.plan import Plan
-from swarm_mj.mission.target import TargetRegion
+from swarm_mj.mission.target import TargetRegion, place_of
 from swarm_mj.observation.coverage import percent_text
 from swarm_mj.records.cells import MAPPED, quantity
 from swarm_mj.typing import Array
@@ -69,8 +69,7 @@ def compose_panels(plan: Plan, cells: pd.DataFrame) -> Figure:
 
 def extent_of(region: TargetRegion) -> MapExtent:
     """The part of the map that shows a target: the whole body, or for small ones what lies around it."""
-    middle = region.area @ region.centroid_A
-    centre = float(np.degrees(np.arctan2(middle[1], middle[0])))
+    centre = float(place_of(region.area @ region.centroid_A)[1])
     latitude, longitude = latitude_longitude(region.corners_A.reshape(-1, 3), centre)
     if max(np.ptp(longitude), np.ptp(latitude)) > NARROW_DEG:
         return whole_body(0.0)

@@ -17,7 +17,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from swarm_mj.figures.palette import AMBIENT
 from swarm_mj.figures.style import label, tidy
 from swarm_mj.figures.view import depth_of, shade, tracer_of
-from swarm_mj.mission.target import TargetRegion
+from swarm_mj.mission.target import TargetRegion, directions, place_of
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Indices
 
@@ -108,19 +108,10 @@ def outermost_faces(body: ShapeModel, outward: Array) -> Indices:
     return np.concatenate(parts).astype(np.int64).reshape(outward.shape[:-1])
 
 
-def directions(latitude_deg: Array, longitude_deg: Array) -> Array:
-    """Unit vectors in A of places given in degrees, shape (..., 3)."""
-    latitude, longitude = np.radians(latitude_deg), np.radians(longitude_deg)
-    return np.stack(
-        (np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)), axis=-1
-    )
-
-
 def latitude_longitude(points_A: Array, centre_longitude: float = 0.0) -> tuple[Array, Array]:
     """Latitudes and longitudes of points (..., 3) [deg], longitudes within 180 deg of the centre's."""
-    x, y, z = np.moveaxis(np.asarray(points_A, float), -1, 0)
-    longitude = np.degrees(np.arctan2(y, x)) - centre_longitude
-    return np.degrees(np.arctan2(z, np.hypot(x, y))), centre_longitude + (longitude + 180.0) % 360.0 - 180.0
+    latitude, longitude = place_of(points_A)
+    return latitude, centre_longitude + (longitude - centre_longitude + 180.0) % 360.0 - 180.0
 
 
 def target_outlines(region: TargetRegion) -> list[Array]:

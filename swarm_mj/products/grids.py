@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from swarm_mj.errors import InteropError
-from swarm_mj.figures.maps import directions, outermost_faces
+from swarm_mj.figures.maps import outermost_faces
+from swarm_mj.mission.target import directions
 from swarm_mj.smallbody.naif import NUMBERED, BodyName
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Ints
