@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 from matplotlib.colors import LogNorm, rgb2hex, to_rgb
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from swarm_mj.reports.scene import NO_AXIS, UNLIT
 from swarm_mj.reports.sections import section
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.simplify import simplify
+from swarm_mj.typing import Array
 
 #: Most faces of the target, each of which has a colour and words for every quantity, and of the rest of the body.
 FACES, FACES_BESIDE = 5_000, 16_000
@@ -28,6 +30,11 @@ HEIGHT_PX = 560
 STEPS, TICKS = 64, 6
 #: From where the ground beside the target is lit, beside the viewer; the target's colours are those of the scale.
 LAMP = np.array([0.3, -0.3, 0.5])
+#: Of the viewer at first, in plotly's units; plotly's own is 1.25 along each axis.
+DISTANCE = 1.25
+#: A target whose middle lies nearer to the centre than this share of the largest coordinate has no side of its own, as a whole
+#: body has none: it is seen from elsewhere.
+LEAST_SIDE, ASIDE = 0.1, np.array([1.0, 0.8, 0.5])
 HINT = "Drag to turn, scroll to zoom; point at a cell to read it. Grey: no value, or ground beyond the target."
 
 
@@ -49,44 +56,27 @@ def globe_figure(run: RunRecord) -> go.Figure:
     """The body with its target's cells in colours, a list to choose the quantity from, and its scale."""
     coverage, cells = run.coverage, cells_table(run.coverage, run.delivery)
     target = simplify(coverage["vertices"], coverage["faces"], FACES)
-    rest = simplify(coverage["body_vertices"], coverage["body_faces"], FACES_BESIDE)
     names = shown_columns(cells)
-    looks = [_look(name, cells[name].to_numpy(), cells[name], target.kept) for name in names]
+    looks = [_look(name, cells[name], target.kept) for name in names]
     buttons = [
         {"label": title_of(name), "method": "restyle", "args": [look, [1, 2]]}
         for name, look in zip(names, looks, strict=True)
     ]
     first = looks[0]
-    middle = coverage["area"] @ coverage["vertices"][coverage["faces"]].mean(axis=1)
-    if np.linalg.norm(middle) < 0.1 * coverage["area"].sum() * np.abs(coverage["vertices"]).max():
-        middle = np.array([1.0, 0.8, 0.5])  # a whole body has no side of its own
-    eye = 1.25 * middle / np.linalg.norm(middle)
-    ground = ShapeModel(rest.vertices, rest.faces.astype(np.int32), "rest of the body")
-    lamp = eye + np.linalg.norm(eye) * LAMP
-    with np.errstate(invalid="ignore"):  # faces without area, which cuts may leave, have no normal
-        normals = np.nan_to_num(ground.face_normals)
-    shaded = shade(np.tile(to_rgb(GROUND), (len(rest.faces), 1)), normals, unit(lamp), AMBIENT)
-    traces = [
-        go.Mesh3d(
-            **_mesh(rest.vertices, rest.faces),
-            facecolor=[rgb2hex(colour) for colour in shaded],
-            hoverinfo="skip",
-            lighting=UNLIT,
-        ),
-        go.Mesh3d(
-            **_mesh(target.vertices, target.faces),
-            facecolor=first["facecolor"][0],
-            hoverinfo="text",
-            hovertext=first["hovertext"][0],
-            lighting=UNLIT,
-        ),
-        _scale(first),
-    ]
+    eye = _eye(coverage)
+    cells_trace = go.Mesh3d(
+        **_mesh(target.vertices, target.faces),
+        facecolor=first["facecolor"][0],
+        hoverinfo="text",
+        hovertext=first["hovertext"][0],
+        lighting=UNLIT,
+    )
     axes = dict.fromkeys(("xaxis", "yaxis", "zaxis"), NO_AXIS)
-    camera = {"eye": dict(zip("xyz", eye.tolist(), strict=True)), "projection": {"type": "perspective"}}
+    place = dict(zip("xyz", (DISTANCE * eye).tolist(), strict=True))
+    camera = {"eye": place, "projection": {"type": "perspective"}}
     menu = {"buttons": buttons, "x": 0.0, "y": 1.0, "xanchor": "left", "yanchor": "bottom", "showactive": True}
     return go.Figure(
-        traces,
+        [_rest(coverage, eye), cells_trace, _scale(first)],
         {
             "scene": {**axes, "aspectmode": "data", "camera": camera},
             "margin": {"l": 0, "r": 0, "t": 44, "b": 0},
@@ -98,15 +88,34 @@ def globe_figure(run: RunRecord) -> go.Figure:
     )
 
 
+def _eye(coverage: Mapping[str, NDArray[Any]]) -> Array:
+    """Unit vector from the body's centre to the viewer at first, above the middle of the target, shape (3,)."""
+    middle = coverage["area"] @ coverage["vertices"][coverage["faces"]].mean(axis=1)
+    if np.linalg.norm(middle) < LEAST_SIDE * coverage["area"].sum() * np.abs(coverage["vertices"]).max():
+        middle = ASIDE
+    return unit(middle)
+
+
+def _rest(coverage: Mapping[str, NDArray[Any]], eye: Array) -> go.Mesh3d:
+    """The ground beside the target, lit from beside the viewer."""
+    rest = simplify(coverage["body_vertices"], coverage["body_faces"], FACES_BESIDE)
+    ground = ShapeModel(rest.vertices, rest.faces.astype(np.int32), "rest of the body")
+    with np.errstate(invalid="ignore"):  # faces without area, which cuts may leave, have no normal
+        normals = np.nan_to_num(ground.face_normals)
+    shaded = shade(np.tile(to_rgb(GROUND), (len(rest.faces), 1)), normals, unit(eye + LAMP), AMBIENT)
+    colours = [rgb2hex(colour) for colour in shaded]
+    return go.Mesh3d(**_mesh(rest.vertices, rest.faces), facecolor=colours, hoverinfo="skip", lighting=UNLIT)
+
+
 def _mesh(vertices: NDArray[Any], faces: NDArray[Any]) -> dict[str, Any]:
     columns = (*vertices.astype(np.float32).T, *faces.astype(np.int32).T)
     return dict(zip("xyzijk", columns, strict=True))
 
 
-def _look(name: str, values: NDArray[Any], column: Any, kept: NDArray[Any]) -> dict[str, Any]:
-    """What changes of the target's mesh and of the scale when a quantity is chosen."""
+def _look(name: str, column: pd.Series, kept: NDArray[Any]) -> dict[str, Any]:
+    """What changes of the target's mesh, of `kept` cells, and of the scale when a quantity is chosen."""
     colours, scale = scale_of(name, column)
-    shown = values[kept].astype(np.float64)
+    shown = column.to_numpy(np.float64)[kept]
     paint = [LIGHT_GREY if np.isnan(v) else rgb2hex(c) for v, c in zip(shown, colours(scale(shown)), strict=True)]
     words = [f"cell {k + 1}: {_number(column.iloc[k])}" for k in kept.tolist()]
     low, high = float(scale.vmin or 0.0), float(scale.vmax or 1.0)
