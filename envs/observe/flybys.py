@@ -186,10 +186,7 @@ def _epoch(scenario: Scenario, up: Array) -> str:
     best, found = np.inf, 0.0
     for k in range(72):
         later = k / 72.0 * 2.0 * np.pi / abs(around.spin_rate)
-        phase = around.phase0 + around.spin_rate * (later + TIME_OF_FLIGHT_S)
-        c, s = cos(phase), sin(phase)
-        earth = around.C_PN @ around.earth.at(later)
-        earth_A = np.array([c * earth[0] + s * earth[1], c * earth[1] - s * earth[0], earth[2]])
+        earth_A = around.C_AN(later + TIME_OF_FLIGHT_S) @ around.earth.at(later)
         elevation = degrees(np.arcsin(earth_A @ up / np.linalg.norm(earth_A)))
         off = abs(elevation - EARTH_ELEVATION_DEG)
         if off < best - 1e-9:
