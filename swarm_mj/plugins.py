@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-from inspect import signature
+from inspect import Parameter, signature
 from pathlib import Path
 from traceback import extract_tb
 from types import ModuleType
@@ -125,8 +125,10 @@ def create(group: str, name: str, parameters: Mapping[str, Any], *context: Any) 
     """
     factory = find(group, name)
     try:
-        for argument in signature(factory).parameters.values():
+        for place, argument in enumerate(signature(factory).parameters.values()):
             value = parameters.get(argument.name)
+            if place >= len(context) and _needed(argument) and argument.name not in parameters:
+                raise PluginError(f"{name!r} of {group}: parameters.{argument.name} is missing: must be given")
             if type(argument.default) in (int, float) and isinstance(value, str | bool):  # float() would take both
                 raise ValueError(f"{argument.name} = {shown(value)}: must be a number")
         plugin = factory(*context, **parameters)
@@ -140,6 +142,14 @@ def create(group: str, name: str, parameters: Mapping[str, Any], *context: Any) 
             f"{name!r} of {group}: {name_of(plugin)} has no {missing[0]}, which every one of them must have"
         )
     return plugin
+
+
+def _needed(argument: Parameter) -> bool:
+    """Whether it must be given; one that takes any number of values need not."""
+    return argument.default is Parameter.empty and argument.kind not in (
+        Parameter.VAR_POSITIONAL,
+        Parameter.VAR_KEYWORD,
+    )
 
 
 def call(plugin: object, role: str, method: str, *arguments: Any) -> Any:

@@ -18,6 +18,7 @@ from swarm_mj.flight.environment import epoch_state, load_body_shape
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.targets import target_from
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
+from swarm_mj.mission.target import directions
 from swarm_mj.mission.trajectories import solve_transfers
 from swarm_mj.scenarios.bodies import packaged_body
 from swarm_mj.scenarios.loading import load_scenario
@@ -116,14 +117,9 @@ def _ellipsoid() -> dict[str, Any]:
     return body | {"gravity": {"model": "spherical_harmonics", "parameters": field}}
 
 
-def _direction(latitude_deg: float, longitude_deg: float) -> Array:
-    a, b = radians(latitude_deg), radians(longitude_deg)
-    return np.array([cos(a) * cos(b), cos(a) * sin(b), sin(a)])
-
-
 def flyby(spec: MissionSpec, spacecraft: int, patches: int) -> tuple[dict[str, Any], float, float]:
     """The scenario of a mission, its imaging altitude and the half-width of its target [m]."""
-    up = _direction(spec.latitude_deg, spec.longitude_deg)
+    up = directions(spec.latitude_deg, spec.longitude_deg)
     body = _ellipsoid() if spec.body == "ellipsoid" else spec.body
     base: dict[str, Any] = {"body": body, "epoch": "2018-01-01T00:00:00"}
     plain = load_scenario({**base, "name": spec.name, "target": _target(spec, 10.0, None)})
@@ -186,10 +182,7 @@ def _epoch(scenario: Scenario, up: Array) -> str:
     best, found = np.inf, 0.0
     for k in range(72):
         later = k / 72.0 * 2.0 * np.pi / abs(around.spin_rate)
-        phase = around.phase0 + around.spin_rate * (later + TIME_OF_FLIGHT_S)
-        c, s = cos(phase), sin(phase)
-        earth = around.C_PN @ around.earth.at(later)
-        earth_A = np.array([c * earth[0] + s * earth[1], c * earth[1] - s * earth[0], earth[2]])
+        earth_A = around.C_AN(later + TIME_OF_FLIGHT_S) @ around.earth.at(later)
         elevation = degrees(np.arcsin(earth_A @ up / np.linalg.norm(earth_A)))
         off = abs(elevation - EARTH_ELEVATION_DEG)
         if off < best - 1e-9:

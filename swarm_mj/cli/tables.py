@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from itertools import islice
 from typing import Any
 
 import pandas as pd
@@ -17,8 +16,6 @@ from swarm_mj.observation.coverage import percent_digits, percent_text, rounded_
 from swarm_mj.records.observed import causes_text, criterion_text, mapped_texts
 from swarm_mj.records.summary import working
 
-#: Rows of `_ROWS` that come before those of quality classes.
-OBSERVED_ROWS = 6
 #: Told only of runs whose pictures were planned.
 PLANNED = "planned by the plan of pictures [%]; bound; gap"
 
@@ -47,10 +44,8 @@ def results_table(summaries: Sequence[dict[str, Any]]) -> Table:
         else {}
     )
     mapped = {label: partial(_mapped, label) for summary in summaries for label in mapped_texts(summary)}
-    observed = dict(islice(_ROWS.items(), OBSERVED_ROWS))
-    if any("picture_plan" in summary for summary in summaries):
-        observed[PLANNED] = _planned
-    for label, cell in (observed | mapped | _ROWS | blurred).items():
+    planned = {PLANNED: _planned} if any("picture_plan" in summary for summary in summaries) else {}
+    for label, cell in (_OBSERVED | planned | mapped | _ROWS | blurred).items():
         table.add_row(escape(label), *(cell(summary) for summary in summaries))
     return table
 
@@ -111,13 +106,16 @@ def _crew(summary: dict[str, Any]) -> str:
     return f"{summary['spacecraft']} ({summary['observers']}){lost}"
 
 
-_ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
+#: Rows before those of plans and quality classes, and those after them.
+_OBSERVED: dict[str, Callable[[dict[str, Any]], str]] = {
     "spacecraft (of them observers)": _crew,
     "target faces": lambda s: str(s["target_faces"]),
     "criterion, camera half-angle": lambda s: f"{criterion_text(s)}, {s['camera_half_angle_deg']:g} deg",
     "observed area P_TO [%]": lambda s: percent_digits(s["coverage_percent"]),
     "the same, whole passage [%]": lambda s: percent_digits(s["coverage_percent_passage"]),
     "not observed, by cause": lambda s: causes_text(s) or "-",
+}
+_ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "of the target delivered to Earth [%]": _delivered,
     "all that was seen on Earth, t [s]; by the best of these slots": _complete,
     "GSD observed, min / median / max [m]": _sampled,

@@ -154,17 +154,14 @@ def shown_cells(
     kept = load_array(file, (*shape[:3], width))
     if kept is not None:
         return np.unpackbits(kept.astype(np.uint8), axis=3, count=region.n_cells).astype(np.bool_)
-    shows, outline = (
-        np.zeros(shape, np.bool_),
-        np.linalg.norm(region.corners_A - region.centroid_A[:, None], axis=2).max(),
-    )
+    shows, limits = np.zeros(shape, np.bool_), limits_of(criterion, camera, region)
+    outline = float(np.linalg.norm(region.corners_A - region.centroid_A[:, None], axis=2).max())
     for k, free in enumerate((reach or reach_of(region, criterion, camera, track)).useful):
         light = cache(partial(lit_cells, observer, criterion, track.sun_A[k]))
         for a in np.flatnonzero(free):
             r_A = track.r_A[k, a]
-            distance, height = sight(region, r_A)
-            kept = keeps_limits(limits_of(criterion, camera, region), distance, height)
-            for m in np.flatnonzero(_beside(region.centroid_A[kept] - r_A, aims_A - r_A, camera, float(outline))):
+            within = keeps_limits(limits, *sight(region, r_A))
+            for m in np.flatnonzero(_beside(region.centroid_A[within] - r_A, aims_A - r_A, camera, outline)):
                 pose = look_at(r_A, aims_A[m])
                 motion = following(aims_A[m] - r_A, track.v_A[k, a], pose.C_CA)
                 shows[a, m, k] = causes(observer, pose, criterion, motion=motion, light=light) == Cause.NONE

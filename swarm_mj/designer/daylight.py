@@ -13,7 +13,6 @@ from swarm_mj.observation.capture import lit
 from swarm_mj.observation.coverage import rounded_down
 from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.smallbody.rotation import spin_dcm
 from swarm_mj.typing import Array
 
 #: Epochs of a rotation that are tried.
@@ -34,7 +33,7 @@ def daylight_text(scenario: Scenario, region: TargetRegion) -> str:
     around = epoch_state(scenario)
     later_s = 2.0 * np.pi / abs(around.spin_rate) / STEPS * np.arange(2 * STEPS)
     arrivals_s = scenario.design.release_s + scenario.design.time_of_flight_s + later_s[:STEPS]
-    sun_A = [spin_dcm(around.C_PN, around.phase0 + around.spin_rate * t) @ around.sun.at(t) for t in arrivals_s]
+    sun_A = [around.C_AN(t) @ around.sun.at(t) for t in arrivals_s]
     limit = scenario.observation.max_incidence_deg
     asked = 1.0 - scenario.designer.tolerance_percent / 100.0
     share = _lit_shares(region, sun_A, limit, asked)

@@ -16,7 +16,7 @@ from swarm_mj.figures.maps import Ground, MapExtent, latitude_longitude, name_ma
 from swarm_mj.figures.palette import GREY, LIGHT_GREY, ORANGE, SKY_BLUE
 from swarm_mj.figures.style import SMALL_PT, caption, new_figure
 from swarm_mj.flight.plan import Plan
-from swarm_mj.mission.target import TargetRegion
+from swarm_mj.mission.target import TargetRegion, place_of
 from swarm_mj.observation.coverage import percent_text
 from swarm_mj.records.cells import MAPPED, quantity
 from swarm_mj.typing import Array
@@ -58,10 +58,8 @@ def compose_panels(plan: Plan, cells: pd.DataFrame) -> Figure:
     figure = new_figure(HEAD_IN + ROW_IN * rows, f"Maps of the target: {plan.scenario.name}")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     ground = survey(plan.region.mesh, window, PLACES)
-    cell = np.full(len(plan.region.faces) + 1, -1)  # the last stands for no ground
-    cell[plan.region.target] = np.arange(plan.region.n_cells)
     for ax, name in zip(axes, names, strict=False):
-        values = np.append(cells[name].to_numpy(np.float64), np.nan)[cell[ground.face]]
+        values = np.append(plan.region.by_face(cells[name].to_numpy()), np.nan)[ground.face]  # face -1: no ground
         _panel(figure, ax, ground, values, name, cells)
         name_map(ax, window)
     for ax in axes[len(names) :]:
@@ -71,8 +69,7 @@ def compose_panels(plan: Plan, cells: pd.DataFrame) -> Figure:
 
 def extent_of(region: TargetRegion) -> MapExtent:
     """The part of the map that shows a target: the whole body, or for small ones what lies around it."""
-    middle = region.area @ region.centroid_A
-    centre = float(np.degrees(np.arctan2(middle[1], middle[0])))
+    centre = float(place_of(region.area @ region.centroid_A)[1])
     latitude, longitude = latitude_longitude(region.corners_A.reshape(-1, 3), centre)
     if max(np.ptp(longitude), np.ptp(latitude)) > NARROW_DEG:
         return whole_body(0.0)

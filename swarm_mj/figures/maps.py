@@ -17,13 +17,17 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from swarm_mj.figures.palette import AMBIENT
 from swarm_mj.figures.style import label, tidy
 from swarm_mj.figures.view import depth_of, shade, tracer_of
-from swarm_mj.mission.target import TargetRegion
+from swarm_mj.mission.target import TargetRegion, directions, place_of
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Indices
 
 #: Rays that one map may cost: Embree traces them at once, the compiled loop visits every face for each.
 MAX_RAYS = {"embree": 300_000, "numba": 12_000}
 
+#: Rays that are traced at a time.
+CHUNK = 200_000
+#: Where rays towards the centre begin, in largest radii of the body.
+OUTSIDE = 1.5
 #: How much darker than level ground a vertical slope is painted.
 RELIEF = 0.7
 #: On a map wider than this [deg] degrees of longitude and of latitude are equally long.
@@ -88,26 +92,26 @@ def survey(body: ShapeModel, window: MapExtent, columns: int) -> Ground:
     longitudes = window.west + (np.arange(columns) + 0.5) * width / columns
     latitudes = window.south + (np.arange(rows) + 0.5) * height / rows
     outward = directions(*np.meshgrid(latitudes, longitudes, indexing="ij"))
-    start = 1.5 * body.max_radius * outward
-    face = tracer.first_hit(start.reshape(-1, 3), -outward.reshape(-1, 3)).reshape(rows, columns)
+    start, face = OUTSIDE * body.max_radius * outward, outermost_faces(body, outward)
     depth = depth_of(face, start, -outward, body)
     points = np.where(face[..., None] >= 0, start - depth[..., None] * outward, np.nan)
     return Ground(longitudes=longitudes, latitudes=latitudes, face=face, points_A=points)
 
 
-def directions(latitude_deg: Array, longitude_deg: Array) -> Array:
-    """Unit vectors in A of places given in degrees, shape (..., 3)."""
-    latitude, longitude = np.radians(latitude_deg), np.radians(longitude_deg)
-    return np.stack(
-        (np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)), axis=-1
-    )
+def outermost_faces(body: ShapeModel, outward: Array) -> Indices:
+    """Face of the outermost ground along directions from the body's centre (..., 3), -1 where it has none, shape (...)."""
+    tracer, rays = tracer_of(body), outward.reshape(-1, 3)
+    parts = [
+        tracer.first_hit(OUTSIDE * body.max_radius * rays[k : k + CHUNK], -rays[k : k + CHUNK])
+        for k in range(0, len(rays), CHUNK)
+    ]
+    return np.concatenate(parts).astype(np.int64).reshape(outward.shape[:-1])
 
 
 def latitude_longitude(points_A: Array, centre_longitude: float = 0.0) -> tuple[Array, Array]:
     """Latitudes and longitudes of points (..., 3) [deg], longitudes within 180 deg of the centre's."""
-    x, y, z = np.moveaxis(np.asarray(points_A, float), -1, 0)
-    longitude = np.degrees(np.arctan2(y, x)) - centre_longitude
-    return np.degrees(np.arctan2(z, np.hypot(x, y))), centre_longitude + (longitude + 180.0) % 360.0 - 180.0
+    latitude, longitude = place_of(points_A)
+    return latitude, centre_longitude + (longitude - centre_longitude + 180.0) % 360.0 - 180.0
 
 
 def target_outlines(region: TargetRegion) -> list[Array]:

@@ -11,7 +11,7 @@ from swarm_mj.scenarios.schema import Body, Scenario
 from swarm_mj.smallbody.environment import Environment, LinearMotion
 from swarm_mj.smallbody.ephemeris import Ephemeris, OrbitalElements, ephemeris_time, julian_date
 from swarm_mj.smallbody.kernel_ephemeris import KernelEphemeris
-from swarm_mj.smallbody.rotation import Rotation
+from swarm_mj.smallbody.rotation import Rotation, spin_dcm
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_check import BodySizeError
 from swarm_mj.smallbody.shape_harmonics import BODIES, build_ellipsoid, load_body
@@ -35,6 +35,10 @@ class EpochState(NamedTuple):
     spin_rate: float
     sun: LinearMotion
     earth: LinearMotion
+
+    def C_AN(self, t: float) -> Array:
+        """Rotation from N to A at a time past the epoch [s], shape (3, 3)."""
+        return spin_dcm(self.C_PN, self.phase0 + self.spin_rate * t)
 
 
 def epoch_state(scenario: Scenario) -> EpochState:

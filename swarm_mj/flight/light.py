@@ -10,7 +10,6 @@ from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.capture import lit
 from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.smallbody.environment import LinearMotion
-from swarm_mj.smallbody.rotation import spin_dcm
 from swarm_mj.typing import Array, Mask
 
 
@@ -18,20 +17,11 @@ class Turning(Protocol):
     """How the body turns beneath the Sun; an `EpochState` or an `Environment`."""
 
     @property
-    def C_PN(self) -> Array:
-        """Rotation from N to the pole's frame."""
-
-    @property
-    def phase0(self) -> float:
-        """Rotation angle at the epoch [rad]."""
-
-    @property
-    def spin_rate(self) -> float:
-        """Of the body [rad/s]."""
-
-    @property
     def sun(self) -> LinearMotion:
         """Of the Sun relative to the body."""
+
+    def C_AN(self, t: float) -> Array:
+        """Rotation from N to A at a time past the epoch [s], shape (3, 3)."""
 
 
 def lit_sometime(
@@ -56,8 +46,9 @@ def lit_sometime(
     left = np.ones(region.n_cells, np.bool_) if among is None else among.copy()
     found = np.zeros(region.n_cells, np.bool_)
     for t in times_s:
-        sun_A = spin_dcm(around.C_PN, around.phase0 + around.spin_rate * t) @ around.sun.at(t)
-        now = lit(region, sun_A, max_incidence_deg=max_incidence_deg, tracer=tracer, among=left)
+        now = lit(
+            region, around.C_AN(t) @ around.sun.at(t), max_incidence_deg=max_incidence_deg, tracer=tracer, among=left
+        )
         found |= now
         left &= ~now
         if not left.any():

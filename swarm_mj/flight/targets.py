@@ -23,6 +23,7 @@ from swarm_mj.mission.target import (
     build_targets,
     check_visiting_points,
     local_axes,
+    place_of,
 )
 from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.scenarios.itinerary import Stop, all_targets, itinerary
@@ -105,7 +106,7 @@ def pyramid_about(target: Target) -> Pyramid:
     """The pyramid about a target that bounds it, for behaviours that aim at a target.
 
     Raises:
-        MissionError: None does.
+        MissionError: No pyramid holds it, or only one that reaches too far around the body.
     """
     feature = feature_of(target)
     if isinstance(feature, Pyramid):
@@ -120,8 +121,8 @@ def pyramid_about(target: Target) -> Pyramid:
 
 def _place_of(feature: Feature) -> tuple[float, float]:
     """Latitude and longitude of its middle [deg]."""
-    x, y, z = feature.axes[2]
-    return float(np.degrees(np.arctan2(z, np.hypot(x, y)))), float(np.degrees(np.arctan2(y, x)))
+    latitude, longitude = place_of(feature.axes[2])
+    return float(latitude), float(longitude)
 
 
 def _region(scenario: Scenario, shape: ShapeModel, features: Sequence[Feature]) -> TargetRegion:

@@ -20,7 +20,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from swarm_mj.errors import MissionError
 from swarm_mj.io.records import Record, bytes_of, reading, record_from
 from swarm_mj.mission.mesh_cut import Cuts
-from swarm_mj.mission.target import local_axes
+from swarm_mj.mission.target import directions, local_axes, place_of
 from swarm_mj.scenarios.schema import Ring, Target
 from swarm_mj.typing import Array, Ints32, Mask
 
@@ -145,10 +145,9 @@ class Polygon:
         corners = np.concatenate([ring for rings in self.polygons for ring in rings])
         (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
         if (east - west == 360.0 and -90.0 < south and north < 90.0) or np.linalg.norm(total) < 1e-9:
-            longitude, latitude = 0.5 * (west + east), 0.5 * (south + north)
-            total = local_axes(latitude, longitude)[2]
-        x, y, z = self.turn @ total
-        return local_axes(np.degrees(np.arctan2(z, np.hypot(x, y))), np.degrees(np.arctan2(y, x)))
+            total = directions(0.5 * (south + north), 0.5 * (west + east))
+        latitude, longitude = map(float, place_of(self.turn @ total))
+        return local_axes(latitude, longitude)
 
     @cached_property
     def half_angle(self) -> float:
@@ -271,9 +270,7 @@ def _told(corner: Array) -> str:
 
 def _directions(corners: Array) -> Array:
     """Unit vectors of (longitude, latitude) [deg], shape (..., 3)."""
-    longitude, latitude = np.radians(corners[..., 0]), np.radians(corners[..., 1])
-    across = np.cos(latitude)
-    return np.stack((across * np.cos(longitude), across * np.sin(longitude), np.sin(latitude)), axis=-1)
+    return directions(corners[..., 1], corners[..., 0])
 
 
 def _densified(edges: Array) -> Array:

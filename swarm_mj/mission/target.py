@@ -18,6 +18,7 @@ from math import sqrt
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from swarm_mj.errors import MissionError, PathError
 from swarm_mj.mission.mesh_cut import Cuts, cut_mesh, plane_distance, refine_mesh
@@ -87,6 +88,12 @@ class TargetRegion:
         """Numbers of the cells that belong to one of `targets`, ascending."""
         return np.searchsorted(self.target, self.targets[target].target)
 
+    def by_face(self, values: Array) -> Array:
+        """Values of the cells, shape (n,), for each face of the cut mesh; NaN beyond the target, shape (F,)."""
+        found = np.full(len(self.faces), np.nan)
+        found[self.target] = values
+        return found
+
     @property
     def vertices(self) -> Array:
         """Vertices of the cut mesh in A [m], shape (V, 3)."""
@@ -127,7 +134,7 @@ class TargetRegion:
         """Of the target [m^2]."""
         return float(self.weighted_area.sum())
 
-    @property
+    @cached_property
     def typical_area(self) -> float:
         """Area of the target's median cell [m^2]; of a polygon, whose sides cut slivers, half of the area is in larger ones."""
         if self.kind != "polygon":
@@ -155,7 +162,7 @@ class TargetRegion:
     @property
     def centre_longitude_deg(self) -> float:
         """East longitude of its axis, for maps [deg]."""
-        return float(np.degrees(np.arctan2(self.axes_A[2, 1], self.axes_A[2, 0])))
+        return float(place_of(self.axes_A[2])[1])
 
     def restricted(self, chosen: Mask) -> TargetRegion:
         """The target of some of its cells alone, shape (n,), with those of its visiting vertices that are their corners.
@@ -169,8 +176,7 @@ class TargetRegion:
             raise MissionError(f"target.region = {self.kind}: no cell or no vertex of {self.mesh.name} is left to see")
         everything = np.zeros(len(self.mesh.faces), np.bool_)
         everything[self.target[kept]] = True
-        middle = self.area[kept] @ self.centroid_A[kept]
-        longitude = np.degrees(np.arctan2(middle[1], middle[0]))
+        longitude = float(place_of(self.area[kept] @ self.centroid_A[kept])[1])
         return replace(
             self,
             axes_A=local_axes(0.0, longitude) if self.kind == "lit" else self.axes_A,
@@ -464,10 +470,23 @@ def check_visiting_points(shape: ShapeModel, points_A: Array) -> None:
         )
 
 
+def directions(latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> Array:
+    """Unit vectors in A of places given in degrees, shape (..., 3)."""
+    latitude, longitude = np.radians(latitude_deg), np.radians(longitude_deg)
+    return np.stack(
+        (np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)), axis=-1
+    )
+
+
+def place_of(points_A: ArrayLike) -> tuple[Array, Array]:
+    """Planetocentric latitude and east longitude of points (..., 3) [deg], longitudes from -180 to 180."""
+    x, y, z = np.moveaxis(np.asarray(points_A, np.float64), -1, 0)
+    return np.degrees(np.arctan2(z, np.hypot(x, y))), np.degrees(np.arctan2(y, x))
+
+
 def local_axes(latitude_deg: float, longitude_deg: float) -> Array:
     """Unit vectors east, north and up at a planetocentric latitude and longitude, as rows in A, shape (3, 3)."""
-    lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
-    up = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+    lon, up = np.radians(longitude_deg), directions(latitude_deg, longitude_deg)
     east = np.array([-np.sin(lon), np.cos(lon), 0.0])
     return np.array([east, np.cross(up, east), up])
 

@@ -8,14 +8,13 @@ one, else the sphere of the body's volume; heights above it play no part.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from swarm_mj.errors import InteropError
-from swarm_mj.figures.maps import directions
-from swarm_mj.observation.raycast import RayTracer
+from swarm_mj.figures.maps import outermost_faces
+from swarm_mj.mission.target import directions
 from swarm_mj.smallbody.naif import NUMBERED, BodyName
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Ints
@@ -24,8 +23,6 @@ from swarm_mj.typing import Array, Ints
 POLAR_FROM_DEG = 60.0
 #: Codes of projections in the IAU's coordinate systems of 2015, behind the number of the body; and their names.
 PROJECTIONS = {"equirectangular": 10, "north_polar": 30, "south_polar": 35}
-#: Rays that are traced at a time.
-CHUNK = 200_000
 #: Largest number of pixels of a map.
 MOST_PIXELS = 20_000_000
 
@@ -82,7 +79,7 @@ class MapGrid:
         (east, north), (rows, columns) = self.half_sides, self.shape
         return rasterio().transform.from_bounds(-east, -north, east, north, columns, rows)
 
-    @cached_property
+    @property
     def directions_A(self) -> Array:
         """Of the pixels' centres from the body's centre, shape (rows, columns, 3)."""
         (east, north), (rows, columns) = self.half_sides, self.shape
@@ -98,13 +95,7 @@ class MapGrid:
 
     def faces(self, mesh: ShapeModel) -> Ints:
         """Face of a mesh that each pixel shows, -1 where the body has no ground there, shape (rows, columns)."""
-        outward = self.directions_A.reshape(-1, 3)
-        tracer, start = RayTracer(mesh.vertices, mesh.faces), 1.5 * mesh.max_radius
-        parts = [
-            tracer.first_hit(start * outward[k : k + CHUNK], -outward[k : k + CHUNK])
-            for k in range(0, len(outward), CHUNK)
-        ]
-        return np.concatenate(parts).astype(np.int64).reshape(self.shape)
+        return outermost_faces(mesh, self.directions_A)
 
 
 def map_grids(body: str, mesh: ShapeModel, step_m: float) -> list[MapGrid]:

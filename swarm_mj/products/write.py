@@ -51,17 +51,9 @@ class Mapped:
         """What was flown."""
         return self.states.plan
 
-    @cached_property
-    def cell_of_face(self) -> Ints:
-        """Cell that each face of the cut mesh is, -1 beyond the target, shape (F,)."""
-        cell = np.full(len(self.plan.region.faces), -1)
-        cell[self.plan.region.target] = np.arange(self.plan.region.n_cells)
-        return cell
-
     def by_face(self, column: str) -> Array:
         """A column for each face of the cut mesh, NaN beyond the target, shape (F,)."""
-        values = np.append(self.cells[column].to_numpy(np.float64), np.nan)
-        return np.asarray(values[self.cell_of_face])
+        return self.plan.region.by_face(self.cells[column].to_numpy())
 
     @cached_property
     def maps(self) -> list[str]:
@@ -72,6 +64,11 @@ class Mapped:
     def grids(self) -> list[MapGrid]:
         """Of all projections."""
         return map_grids(self.plan.scenario.body.name, self.plan.region.mesh, self.pixel_m)
+
+    @cached_property
+    def faces(self) -> list[Ints]:
+        """Faces of the cut mesh that the pixels of each grid show, see `MapGrid.faces`."""
+        return [grid.faces(self.plan.region.mesh) for grid in self.grids]
 
 
 def write_products(
@@ -132,16 +129,15 @@ def _contents(mapped: Mapped, folder: Path, chosen: list[str]) -> dict[str, Any]
         "quantities": {name: quantity(name)._asdict() for name in cells},
     }
     if "geotiff" in chosen:
-        shown = np.unique(mapped.cell_of_face[mapped.grids[0].faces(mapped.plan.region.mesh)])
-        hidden = np.setdiff1d(np.arange(len(cells)), shown)
+        hidden = ~np.isin(mapped.plan.region.target, mapped.faces[0])
         contents["maps"] = {
             "pixel_m": mapped.pixel_m,
             "sphere_radius_m": mapped.grids[0].radius,
             "projections": {grid.name: grid.crs.to_string()[:60] for grid in mapped.grids},
             "nodata": "NaN: ground beyond the target, or of which there is no value",
-            "cells_without_pixel": len(hidden),
+            "cells_without_pixel": int(hidden.sum()),
             "cells_without_pixel_percent_of_area": 100.0
-            * float(cells["area_m2"].iloc[hidden].sum() / cells["area_m2"].sum()),
+            * float(cells["area_m2"][hidden].sum() / cells["area_m2"].sum()),
         }
     contents["files"] = files_in(folder)
     return contents
@@ -168,8 +164,8 @@ def _parquet(mapped: Mapped, folder: Path) -> None:
 def _geotiff(mapped: Mapped, folder: Path) -> None:
     """Every quantity on every grid, in single precision."""
     library, scenario = rasterio(), mapped.plan.scenario
-    for grid in mapped.grids:
-        faces, place = grid.faces(mapped.plan.region.mesh), folder / grid.name
+    for grid, faces in zip(mapped.grids, mapped.faces, strict=True):
+        place = folder / grid.name
         place.mkdir()
         for name in mapped.maps:
             values = np.append(mapped.by_face(name), np.nan)[faces].astype(np.float32)  # face -1: no ground
@@ -197,11 +193,12 @@ def _ply(mapped: Mapped, folder: Path) -> None:
 
 def _obj(mapped: Mapped, folder: Path) -> None:
     """The whole cut body in groups with colours: observed, not observed, beyond the target."""
-    region, seen = mapped.plan.region, np.append(mapped.cells["seen"].to_numpy(np.int64), 2)[mapped.cell_of_face]
+    region, seen = mapped.plan.region, mapped.by_face("seen")
     lines = [f"# {mapped.plan.scenario.body.name}, frame A, metres", "mtllib body.mtl"]
     lines += [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in region.vertices.tolist()]
-    for group, code in (("observed", 1), ("not_observed", 0), ("beyond_target", 2)):
-        faces = region.faces[seen == code] + 1
+    groups = {"observed": seen == 1.0, "not_observed": seen == 0.0, "beyond_target": np.isnan(seen)}
+    for group, held in groups.items():
+        faces = region.faces[held] + 1
         if len(faces):
             lines += [f"g {group}", f"usemtl {group}", *(f"f {a} {b} {c}" for a, b, c in faces.tolist())]
     (folder / "body.obj").write_text("\n".join(lines) + "\n")

@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from swarm_mj.dataflow.delivery import Delivery
+from swarm_mj.mission.target import place_of
 from swarm_mj.observation.coverage import WORDS, Cause
 from swarm_mj.observation.quality import Figures
 
@@ -64,13 +65,13 @@ def quantity(name: str) -> Quantity:
 def cells_table(arrays: Mapping[str, NDArray[Any]], delivery: Delivery | None = None) -> pd.DataFrame:
     """One row a cell of the target, columns as `QUANTITIES` says, of the arrays of coverage.npz."""
     corners = arrays["vertices"][arrays["faces"]]
-    x, y, z = (centroid := corners.mean(axis=1)).T
+    latitude_deg, longitude_deg = place_of(centroid := corners.mean(axis=1))
     gsd, cells = arrays["gsd_m"], np.arange(len(corners))
     finest = np.where(np.isnan(gsd), np.inf, gsd).argmin(axis=0)
     columns: dict[str, Any] = {
         "face": arrays["face_of_cell"],
-        "latitude_deg": np.degrees(np.arctan2(z, np.hypot(x, y))),
-        "longitude_deg": np.degrees(np.arctan2(y, x)),
+        "latitude_deg": latitude_deg,
+        "longitude_deg": longitude_deg,
         "radius_m": np.linalg.norm(centroid, axis=1),
         "area_m2": arrays["area"],
         "seen": ~np.isnan(arrays["first_seen_s"]),

@@ -32,7 +32,7 @@ from swarm_mj.figures.maps import latitude_longitude
 from swarm_mj.figures.palette import GREY, LIGHT_GREY, SKY_BLUE, SPACECRAFT, VERMILLION, spacecraft_colours
 from swarm_mj.figures.units import TimeAxis, data_unit, instant, note_of_omission, shown_spacecraft, time_axis
 from swarm_mj.mission.links import Obstacle
-from swarm_mj.mission.target import angles, local_axes
+from swarm_mj.mission.target import angles, local_axes, place_of
 from swarm_mj.observation.coverage import CoverageMap, percent_text, rounded_up_digits
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.reports.markup import Content, Html, table, tag
@@ -287,8 +287,8 @@ def _flat_corners(run: RunRecord) -> Array:
     if not _on_globe(run):
         return angles(corners_A, local_axes(target.latitude_deg, target.longitude_deg))
     centroid_A = corners_A.mean(axis=1)
-    middle = run.coverage["area"] @ centroid_A
-    centre = target.longitude_deg if target.region == "pyramid" else float(np.degrees(np.arctan2(middle[1], middle[0])))
+    middle = float(place_of(run.coverage["area"] @ centroid_A)[1])
+    centre = target.longitude_deg if target.region == "pyramid" else middle
     flat, around = (np.stack(latitude_longitude(places, centre)[::-1], axis=-1) for places in (corners_A, centroid_A))
     return in_one_piece(flat, around)
 

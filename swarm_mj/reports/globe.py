@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 from matplotlib.colors import LogNorm, rgb2hex, to_rgb
 from numpy.typing import NDArray
 
 from swarm_mj.figures.cell_maps import scale_of, shown_columns, title_of
 from swarm_mj.figures.palette import AMBIENT, GREY, GROUND, LIGHT_GREY
-from swarm_mj.figures.view import shade
+from swarm_mj.figures.view import shade, unit
 from swarm_mj.records.cells import cells_table
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.reports.markup import Content, Html, tag
@@ -29,6 +30,11 @@ HEIGHT_PX = 560
 STEPS, TICKS = 64, 6
 #: From where the body is lit, beside the viewer, and how much of their colour cells keep in shade, so that it tells the value.
 LAMP, RELIEF = np.array([0.3, -0.3, 0.5]), 0.75
+#: Of the viewer at first, in plotly's units; plotly's own is 1.25 along each axis.
+DISTANCE = 1.25
+#: A target whose middle lies nearer to the centre than this share of the largest coordinate has no side of its own, as a whole
+#: body has none: it is seen from elsewhere.
+LEAST_SIDE, ASIDE = 0.1, np.array([1.0, 0.8, 0.5])
 HINT = (
     "Drag to turn, scroll to zoom; point at a cell to read it. Slopes are darker. Grey: no value, or beyond the target."
 )
@@ -52,41 +58,28 @@ def globe_figure(run: RunRecord) -> go.Figure:
     """The body with its target's cells in colours, a list to choose the quantity from, and its scale."""
     coverage, cells = run.coverage, cells_table(run.coverage, run.delivery)
     target = simplify(coverage["vertices"], coverage["faces"], FACES)
-    rest = simplify(coverage["body_vertices"], coverage["body_faces"], FACES_BESIDE)
     names = shown_columns(cells)
-    middle = coverage["area"] @ coverage["vertices"][coverage["faces"]].mean(axis=1)
-    if np.linalg.norm(middle) < 0.1 * coverage["area"].sum() * np.abs(coverage["vertices"]).max():
-        middle = np.array([1.0, 0.8, 0.5])  # a whole body has no side of its own
-    eye = 1.25 * middle / np.linalg.norm(middle)
-    lamp = eye + np.linalg.norm(eye) * LAMP
-    light = _brightness(target, lamp, RELIEF)
+    eye = _eye(coverage)
+    light = _brightness(target, eye, RELIEF)
     looks = [_look(name, cells[name], target.kept, light) for name in names]
     buttons = [
         {"label": title_of(name), "method": "restyle", "args": [look, [1, 2]]}
         for name, look in zip(names, looks, strict=True)
     ]
     first = looks[0]
-    traces = [
-        go.Mesh3d(
-            **_mesh(rest.vertices, rest.faces),
-            facecolor=_hexes(np.outer(_brightness(rest, lamp, AMBIENT), to_rgb(GROUND))),
-            hoverinfo="skip",
-            lighting=UNLIT,
-        ),
-        go.Mesh3d(
-            **_mesh(target.vertices, target.faces),
-            facecolor=first["facecolor"][0],
-            hoverinfo="text",
-            hovertext=first["hovertext"][0],
-            lighting=UNLIT,
-        ),
-        _scale(first),
-    ]
+    cells_trace = go.Mesh3d(
+        **_mesh(target.vertices, target.faces),
+        facecolor=first["facecolor"][0],
+        hoverinfo="text",
+        hovertext=first["hovertext"][0],
+        lighting=UNLIT,
+    )
     axes = dict.fromkeys(("xaxis", "yaxis", "zaxis"), NO_AXIS)
-    camera = {"eye": dict(zip("xyz", eye.tolist(), strict=True)), "projection": {"type": "perspective"}}
+    place = dict(zip("xyz", (DISTANCE * eye).tolist(), strict=True))
+    camera = {"eye": place, "projection": {"type": "perspective"}}
     menu = {"buttons": buttons, "x": 0.0, "y": 1.0, "xanchor": "left", "yanchor": "bottom", "showactive": True}
     return go.Figure(
-        traces,
+        [_rest(coverage, eye), cells_trace, _scale(first)],
         {
             "scene": {**axes, "aspectmode": "data", "camera": camera},
             "margin": {"l": 0, "r": 0, "t": 44, "b": 0},
@@ -98,25 +91,40 @@ def globe_figure(run: RunRecord) -> go.Figure:
     )
 
 
+def _eye(coverage: Mapping[str, NDArray[Any]]) -> Array:
+    """Unit vector from the body's centre to the viewer at first, above the middle of the target, shape (3,)."""
+    middle = coverage["area"] @ coverage["vertices"][coverage["faces"]].mean(axis=1)
+    if np.linalg.norm(middle) < LEAST_SIDE * coverage["area"].sum() * np.abs(coverage["vertices"]).max():
+        middle = ASIDE
+    return unit(middle)
+
+
+def _rest(coverage: Mapping[str, NDArray[Any]], eye: Array) -> go.Mesh3d:
+    """The ground beside the target, lit from beside the viewer."""
+    rest = simplify(coverage["body_vertices"], coverage["body_faces"], FACES_BESIDE)
+    colours = _hexes(np.outer(_brightness(rest, eye, AMBIENT), to_rgb(GROUND)))
+    return go.Mesh3d(**_mesh(rest.vertices, rest.faces), facecolor=colours, hoverinfo="skip", lighting=UNLIT)
+
+
 def _mesh(vertices: NDArray[Any], faces: NDArray[Any]) -> dict[str, Any]:
     columns = (*vertices.astype(np.float32).T, *faces.astype(np.int32).T)
     return dict(zip("xyzijk", columns, strict=True))
 
 
-def _brightness(mesh: Simplified, lamp: Array, ambient: float) -> Array:
-    """Of each face under a distant lamp, 1 where it faces it, shape (F,)."""
+def _brightness(mesh: Simplified, eye: Array, ambient: float) -> Array:
+    """Of each face under a lamp beside the viewer, whose unit vector is `eye`; 1 where it faces the lamp, shape (F,)."""
     shape = ShapeModel(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int32), "drawn")
     with np.errstate(invalid="ignore"):  # faces without area, which cuts may leave, have no normal
         normals = np.nan_to_num(shape.face_normals)
-    return shade(np.ones((len(normals), 1)), normals, lamp, ambient)[:, 0]
+    return shade(np.ones((len(normals), 1)), normals, eye + LAMP, ambient)[:, 0]
 
 
 def _hexes(colours: Array) -> list[str]:
     return [rgb2hex(tuple(colour)) for colour in colours.tolist()]
 
 
-def _look(name: str, column: Any, kept: NDArray[Any], light: Array) -> dict[str, Any]:
-    """What changes of the target's mesh and of the scale when a quantity is chosen."""
+def _look(name: str, column: pd.Series, kept: NDArray[Any], light: Array) -> dict[str, Any]:
+    """What changes of the target's mesh, of `kept` cells, and of the scale when a quantity is chosen."""
     colours, scale = scale_of(name, column)
     shown = column.to_numpy(np.float64)[kept]
     bare = np.where(np.isnan(shown)[:, None], to_rgb(LIGHT_GREY), colours(scale(shown))[:, :3])

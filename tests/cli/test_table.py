@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from swarm_mj.cli.common import show_table
-from swarm_mj.cli.tables import _ROWS, results_tables
+from swarm_mj.cli.tables import _OBSERVED, _ROWS, results_tables
 
 SUMMARY = {
     "spacecraft": 5,
@@ -19,8 +19,8 @@ SUMMARY = {
 
 
 def test_lost_spacecraft_are_counted_and_left_out_of_the_pointing_error_at_the_end():
-    assert _ROWS["spacecraft (of them observers)"](SUMMARY) == "5 (5), 1 lost"
-    assert _ROWS["spacecraft (of them observers)"]({**SUMMARY, "lost": []}) == "5 (5)"
+    assert _OBSERVED["spacecraft (of them observers)"](SUMMARY) == "5 (5), 1 lost"
+    assert _OBSERVED["spacecraft (of them observers)"]({**SUMMARY, "lost": []}) == "5 (5)"
     assert _ROWS["pointing error at the end, at most [deg]"](SUMMARY) == "0.0116"
 
 
@@ -61,6 +61,7 @@ def test_no_cell_of_a_wide_table_is_cut_off(terminal):
 
 
 def test_results_of_many_runs_are_several_tables_in_a_terminal_and_one_elsewhere(monkeypatch):
+    monkeypatch.setattr("swarm_mj.cli.tables._OBSERVED", {})
     monkeypatch.setattr("swarm_mj.cli.tables._ROWS", {"spacecraft": lambda s: "12,345,678"})
     runs = [{"scenario": f"scenario-{k}"} for k in range(9)]
     narrow = printed(lambda console: results_tables(console, runs), 80, True)

@@ -13,7 +13,6 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.scenarios.loading import design_overrides, load_scenario
-from swarm_mj.smallbody.rotation import spin_dcm
 
 #: Body, imaging altitude and distance of the mothership [m].
 BODIES = {
@@ -93,7 +92,7 @@ def in_daylight(data):
     up = np.array([[np.cos(b) * np.cos(x), np.cos(b) * np.sin(x), np.sin(b)] for b, x in normals])
     later = 2.0 * np.pi / abs(around.spin_rate) * np.arange(48) / 48
     arrivals = later + data["design"]["time_of_flight_s"]
-    sun_A = [spin_dcm(around.C_PN, around.phase0 + around.spin_rate * t) @ around.sun.at(t) for t in arrivals]
+    sun_A = [around.C_AN(t) @ around.sun.at(t) for t in arrivals]
     best = timedelta(seconds=float(later[np.argmax([(up @ sun).min() for sun in sun_A])]))
     return load_scenario(data | {"epoch": (datetime.fromisoformat(dark.epoch) + best).isoformat()})
 

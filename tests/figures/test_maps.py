@@ -8,7 +8,6 @@ from swarm_mj.figures import map_figures
 from swarm_mj.figures.map_figures import mark_interval, union_margin, view_margin
 from swarm_mj.figures.maps import (
     MapExtent,
-    directions,
     draw_track,
     latitude_longitude,
     name_map,
@@ -17,6 +16,7 @@ from swarm_mj.figures.maps import (
     whole_body,
 )
 from swarm_mj.flight.observe import flight_pictures
+from swarm_mj.mission.target import directions
 from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.spacecraft.attitude.mrp import dcm

@@ -83,6 +83,8 @@ def test_an_unknown_election_and_an_unknown_behavior_name_what_exists():
         plugins.find(plugins.BEHAVIORS, "nobody")
     with pytest.raises(PluginError, match="volume"):
         plugins.create(plugins.BEHAVIORS, "adaptable_roles", {"volume": 3}, 5, 35e3)
+    with pytest.raises(PluginError, match=r"parameters\.surface_radius_m is missing: must be given"):
+        plugins.create(plugins.BEHAVIORS, "target_sweep", {"rows": 3}, 5, 35e3)
 
 
 @pytest.mark.parametrize("kind", [DedicatedCommunications, AdaptableRoles])

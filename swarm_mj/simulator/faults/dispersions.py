@@ -16,6 +16,7 @@ import numpy as np
 from numpy.random import Generator
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.mission.target import local_axes, place_of
 from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.scenarios.schema_sensors import Sensors
 from swarm_mj.smallbody.environment import Environment
@@ -200,12 +201,10 @@ def shifted_target(
     distance = float(np.hypot(east, north))
     if distance == 0.0:
         return latitude_deg, longitude_deg
-    latitude, longitude = radians(latitude_deg), radians(longitude_deg)
-    up = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
-    to_east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
-    way = (east * to_east + north * np.cross(up, to_east)) / distance
-    x, y, z = np.cos(distance / radius) * up + np.sin(distance / radius) * way
-    return float(np.degrees(np.arctan2(z, np.hypot(x, y)))), float(np.degrees(np.arctan2(y, x)))
+    to_east, to_north, up = local_axes(latitude_deg, longitude_deg)
+    way = (east * to_east + north * to_north) / distance
+    latitude, longitude = place_of(np.cos(distance / radius) * up + np.sin(distance / radius) * way)
+    return float(latitude), float(longitude)
 
 
 def _with_dispersed_coefficients(
