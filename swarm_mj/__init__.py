@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from swarm_mj.api.campaign import campaign, compare_classes, replay
     from swarm_mj.api.checks import score, validate
-    from swarm_mj.api.design import Design, design
+    from swarm_mj.api.design import Design, Sweeps, design, design_sweeps
     from swarm_mj.api.flight import Flight, fly
     from swarm_mj.api.navigate import Navigation, navigate
     from swarm_mj.api.observe import Observation, observe
@@ -42,12 +42,14 @@ __all__ = [
     "Navigation",
     "Observation",
     "Scenario",
+    "Sweeps",
     "SwarmError",
     "available",
     "build_shape",
     "campaign",
     "compare_classes",
     "design",
+    "design_sweeps",
     "explain",
     "fly",
     "json_schema",
@@ -73,7 +75,7 @@ _HOMES = {
     for home, names in {
         "api.campaign": ("campaign", "compare_classes", "replay"),
         "api.checks": ("score", "validate"),
-        "api.design": ("Design", "design"),
+        "api.design": ("Design", "Sweeps", "design", "design_sweeps"),
         "api.flight": ("Flight", "fly"),
         "api.navigate": ("Navigation", "navigate"),
         "api.observe": ("Observation", "observe"),

@@ -7,13 +7,14 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 from rich.progress import Progress, TaskID
 
 from swarm_mj.api.display import Plots, figure_html, png_html, rows_html
 from swarm_mj.api.scenario import Scenario, load
+from swarm_mj.designer.columns import sweeps_for
 from swarm_mj.designer.study import Growth, Study, Tell, Verified, extensions, growth, study_design
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import check_plugins
@@ -395,3 +396,45 @@ def _compared(scenario: schema.Scenario, bars: Progress | None, workers: int | R
     rows = growth(scenario, workers=workers, stage=stage)
     bars.update(task, completed=total, description="beyond the paper")
     return rows
+
+
+class Sweeps(NamedTuple):
+    """The fewest spacecraft whose planned sweeps show the target.
+
+    Attributes:
+        points: The visiting points they fly to, by their numbers from 1.
+        bound: No design of these paths, aims and slots has fewer.
+        covered_percent: Share of the target's area that their plans show [%].
+        scenario: With these points and the behaviour `planned_sweep`, ready for `swarm_mj.fly`.
+    """
+
+    points: tuple[int, ...]
+    bound: int
+    covered_percent: float
+    scenario: Scenario
+
+    @property
+    def proven(self) -> bool:
+        """Whether no design is smaller."""
+        return self.bound == len(self.points)
+
+
+def design_sweeps(scenario: ScenarioSource, overrides: Mapping[str, Any] = NO_OVERRIDES) -> Sweeps:
+    """Design the fewest spacecraft for narrow cameras: each flies one path and one sweep of pictures, by column generation.
+
+    Plans are those of `behavior.name: planned_sweep`; `designer.tolerance_percent` may be missed, `designer.time_limit_s` ends
+    the search with the design and the bound so far. What a flight sees differs as pictures miss or show more than was planned.
+
+    Args:
+        scenario: What to design for, as `load` takes it.
+        overrides: Values by dotted key that change it.
+
+    Raises:
+        SwarmError: The scenario cannot be flown, asks for what is designed without sweeps alone, or no design shows enough.
+    """
+    scenario = load(scenario, overrides)
+    points, found = sweeps_for(scenario)
+    flown: dict[str, Any] = {"behavior.name": "planned_sweep", "design.visiting_points": list(points)}
+    if scenario.behavior.name != "planned_sweep":
+        flown["behavior.parameters"] = {}
+    return Sweeps(points, found.bound, found.covered_percent, scenario.changed({**flown, "design.reference": None}))

@@ -91,6 +91,11 @@ def add(commands: argparse._SubParsersAction) -> None:
     design.add_argument(
         "--verify", type=int, metavar="N", help="with --probability: fly the design N times with other seeds"
     )
+    design.add_argument(
+        "--sweeps",
+        action="store_true",
+        help="the fewest spacecraft by planned sweeps of narrow cameras; their points are printed, no folder is written",
+    )
     design.add_argument("--pareto", action="store_true", help="trade spacecraft against delta-v and area too (NSGA-II)")
     design.add_argument(
         "--compare", action="store_true", help="print how the minimum grows with demands beyond the paper"
@@ -167,6 +172,8 @@ def _design(arguments: argparse.Namespace) -> int:
     if arguments.quality_class is not None:
         overrides["designer.quality_class"] = arguments.quality_class
     scenario = load(arguments.scenario, overrides)
+    if arguments.sweeps:
+        return _design_sweeps(arguments, scenario)
     folder = arguments.out or DEFAULT_OUT / f"{scenario.name}-design"
     with bars_for(arguments) as bars:
         found = design(
@@ -188,6 +195,33 @@ def _design(arguments: argparse.Namespace) -> int:
     if arguments.compare:
         show_table(bars.console, growth_table(found.compared))
     tell(bars.console, f"{scenario.name}: files in {folder}", _hint(arguments, folder, scenario))
+    return 0
+
+
+def _design_sweeps(arguments: argparse.Namespace, scenario: Scenario) -> int:
+    """Print the fewest spacecraft by planned sweeps, and how to fly them."""
+    from swarm_mj.api.design import design_sweeps
+    from swarm_mj.observation.coverage import percent_text
+
+    given = {
+        "out": "--out",
+        "pareto": "--pareto",
+        "compare": "--compare",
+        "verify": "--verify",
+        "scheduler": "--scheduler",
+    }
+    for name, option in given.items():
+        if getattr(arguments, name):
+            raise OutputError(f"{option}: must be left out with --sweeps, which writes no folder")
+    found = design_sweeps(scenario)
+    proof = "proven" if found.proven else f"at least {found.bound} are needed"
+    points = ", ".join(map(str, found.points))
+    print(f"{scenario.name}: {len(found.points)} spacecraft, {proof}, at points {points}; their plans show "
+          f"{percent_text(found.covered_percent)} of the target if nothing fails")  # fmt: skip
+    kept = [text for text in arguments.overrides if not text.startswith(("behavior.", "design."))]
+    changes = [*kept, "behavior.name=planned_sweep", f"design.visiting_points=[{points}]"]
+    words = shlex.join(word for text in changes for word in ("--set", text))
+    print(f"To fly it: swarm-mj fly {shlex.quote(arguments.scenario)} {words}")
     return 0
 
 

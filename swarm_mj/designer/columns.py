@@ -26,11 +26,20 @@ from scipy.sparse import csr_array, eye_array, hstack, vstack
 from swarm_mj.coordination.allocation.greedy import greedy
 from swarm_mj.coordination.allocation.optimum import LEAST_S, optimum
 from swarm_mj.coordination.allocation.problem import Allocation, AllocationProblem, Schedule
+from swarm_mj.coordination.replanning import problem_of
+from swarm_mj.designer.candidates.flights import fly_candidates
 from swarm_mj.designer.exact import solve_program
-from swarm_mj.errors import MissionError
+from swarm_mj.errors import MissionError, ScenarioError
+from swarm_mj.flight.encounter_table import encounter_of
 from swarm_mj.io import highs
+from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array, Mask
 
+#: Keys of `designer` that a design with sweeps knows nothing of.
+WITHOUT_SWEEPS = (
+    "fold", "probability", "quality_class", "deliver_within_h", "extra_targets", "altitudes_m", "times_of_flight_s", "releases_s",
+    "aims",
+)  # fmt: skip
 #: A price above 1 by less than this is none: HiGHS works to such an accuracy.
 SAME = 1e-6
 
@@ -94,6 +103,26 @@ def fewest_sweeps(problem: AllocationProblem, tolerance_percent: float, time_lim
     return SweepDesign(
         columns=tuple(best), bound=min(bound, len(best)), covered_percent=percent, generated=len(columns)
     )
+
+
+def sweeps_for(scenario: Scenario) -> tuple[tuple[int, ...], SweepDesign]:
+    """The fewest spacecraft that a scenario needs with planned sweeps: the visiting points they fly to, rising, and the design.
+
+    Paths are those to the visiting points of its target, pictures those of the encounter's table; nothing fails.
+
+    Raises:
+        ScenarioError: It asks for what is designed without sweeps alone.
+        MissionError: No design shows all but `designer.tolerance_percent`.
+    """
+    designer = scenario.designer
+    for key in WITHOUT_SWEEPS:
+        if getattr(designer, key) != type(designer).model_fields[key].default:
+            raise ScenarioError(
+                f"designer.{key}: must be left out of a design with sweeps; design without it or without them"
+            )
+    flights = fly_candidates(scenario.model_copy(update={"swarm": None}))
+    found = fewest_sweeps(problem_of(encounter_of(flights.plan)), designer.tolerance_percent, designer.time_limit_s)
+    return tuple(sorted(flights.points[column.path] for column in found.columns)), found
 
 
 def _alone(problem: AllocationProblem, path: int, weight: Array) -> AllocationProblem:

@@ -3,9 +3,11 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
+import swarm_mj as sm
+from swarm_mj.cli.main import main
 from swarm_mj.coordination.allocation.problem import AllocationProblem, in_conflict
 from swarm_mj.designer.columns import fewest_sweeps
-from swarm_mj.errors import MissionError
+from swarm_mj.errors import MissionError, ScenarioError
 
 
 def random_paths(seed, n_paths=4, n_aims=3, n_slots=3, n_patches=7):
@@ -63,3 +65,20 @@ def test_what_no_paths_show_is_told():
     )
     with pytest.raises(MissionError, match=r"100 % of the target stays unseen.*larger tolerance"):
         fewest_sweeps(dark, 1.0)
+
+
+def test_a_scenario_is_designed_for_sweeps_and_its_flight_sees_what_they_show(capsys):
+    found = sm.design_sweeps("bennu-map", {"designer.tolerance_percent": 5})
+    assert found.proven and len(found.points) == 1 and found.covered_percent >= 95.0
+    flown = sm.fly(found.scenario)
+    assert flown.summary["picture_plan"]["planned_percent"] >= 95.0
+    assert flown.coverage.percent >= 90.0
+    assert main(["design", "bennu-map", "--sweeps", "--set", "designer.tolerance_percent=5"]) == 0
+    said = capsys.readouterr().out
+    assert f"1 spacecraft, proven, at points {found.points[0]}" in said
+    assert f"--set behavior.name=planned_sweep --set 'design.visiting_points=[{found.points[0]}]'" in said
+
+
+def test_what_sweeps_know_nothing_of_is_refused():
+    with pytest.raises(ScenarioError, match="designer.quality_class: must be left out"):
+        sm.design_sweeps("bennu-map", {"designer.quality_class": "stereo"})
