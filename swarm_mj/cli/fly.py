@@ -216,7 +216,7 @@ def _design_sweeps(arguments: argparse.Namespace, scenario: Scenario) -> int:
     found = design_sweeps(scenario)
     proof = "proven" if found.proven else f"at least {found.bound} are needed"
     points = ", ".join(map(str, found.points))
-    print(f"{scenario.name}: {len(found.points)} spacecraft, {proof}, at points {points}; their plans show "
+    print(f"{scenario.name}: {len(found.points)} spacecraft, {proof}, visiting {points}; their plans show "
           f"{percent_text(found.covered_percent)} of the target if nothing fails")  # fmt: skip
     kept = [text for text in arguments.overrides if not text.startswith(("behavior.", "design."))]
     changes = [*kept, "behavior.name=planned_sweep", f"design.visiting_points=[{points}]"]

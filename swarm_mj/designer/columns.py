@@ -37,8 +37,8 @@ from swarm_mj.typing import Array, Mask
 
 #: Keys of `designer` that a design with sweeps knows nothing of.
 WITHOUT_SWEEPS = (
-    "fold", "probability", "quality_class", "deliver_within_h", "extra_targets", "altitudes_m", "times_of_flight_s", "releases_s",
-    "aims",
+    "fold", "probability", "quality_class", "deliver_within_h",
+    "extra_targets", "altitudes_m", "times_of_flight_s", "releases_s", "aims",
 )  # fmt: skip
 #: A price above 1 by less than this is none: HiGHS works to such an accuracy.
 SAME = 1e-6

@@ -75,7 +75,7 @@ def test_a_scenario_is_designed_for_sweeps_and_its_flight_sees_what_they_show(ca
     assert flown.coverage.percent >= 90.0
     assert main(["design", "bennu-map", "--sweeps", "--set", "designer.tolerance_percent=5"]) == 0
     said = capsys.readouterr().out
-    assert f"1 spacecraft, proven, at points {found.points[0]}" in said
+    assert f"1 spacecraft, proven, visiting {found.points[0]}" in said
     assert f"--set behavior.name=planned_sweep --set 'design.visiting_points=[{found.points[0]}]'" in said
 
 
