@@ -98,7 +98,7 @@ def test_cells_are_coloured_by_how_many_see_them(study):
     hue = rgb_to_hsv(cells.get_facecolor()[:, :3])[:, 0]
     assert hue == pytest.approx(rgb_to_hsv(to_rgb(SKY_BLUE))[0], abs=1e-6)  # each is seen by one
     assert rgb_to_hsv(to_rgb(ORANGE))[0] != pytest.approx(hue[0], abs=1e-2)
-    assert [text.get_text() for text in ax.figure.legends[0].texts] == ["seen by 1", "visited point"]
+    assert [text.get_text() for text in ax.figure.legends[0].texts] == ["seen by 1", "visited point", "point tried"]
 
 
 def test_front_is_drawn_design_by_design(study):
