@@ -17,13 +17,13 @@ import swarm_mj as sm
 from benchmarks.agreement.coefficients import terms
 from swarm_mj.interop.kernels import rotation_constants
 from swarm_mj.interop.states import FlightStates
+from swarm_mj.io.times import SECOND, TT_TAI, tai_minus_utc, tdb_minus_tt
 from swarm_mj.scenarios.constants import AU, DAY, GM_SUN
 from swarm_mj.scenarios.loading import NO_OVERRIDES
 from swarm_mj.smallbody.ephemeris import julian_date
 from swarm_mj.smallbody.gravity import SphericalHarmonics
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.tracks.frames import C_EN
-from swarm_mj.tracks.times import SECOND, TT_TAI, tai_minus_utc, tdb_minus_tt
 
 Array = NDArray[np.float64]
 FORMATS: Final = ("oem", "aem", "spk", "ck", "dsk")

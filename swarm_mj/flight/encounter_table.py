@@ -68,7 +68,7 @@ def encounter_of(plan: Any, tolerance: float = TOLERANCE) -> Encounter:
 
 def _made(plan: Any, tolerance: float) -> Encounter:
     scenario = plan.scenario
-    camera = replace(camera_from(scenario), shape="cone")
+    camera = camera_from(scenario).inscribed_cone
     period = scenario.control.period_s
     schedule = schedule_from(scenario, period)
     slot_s = period * schedule.ticks(round(scenario.duration_s / period)).astype(np.float64)

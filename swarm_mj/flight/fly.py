@@ -32,6 +32,7 @@ from swarm_mj.simulator.state import InitialState, Release
 from swarm_mj.simulator.telemetry import VARIABLES, dataset, working
 from swarm_mj.spacecraft.attitude.mrp import add_mrp, dcm, mrp_from_quaternion
 from swarm_mj.spacecraft.model import SwarmModel, build_model
+from swarm_mj.spacecraft.mounting import aiming_of
 from swarm_mj.spacecraft.own_model import build_own_model
 from swarm_mj.spacecraft.properties import RPM
 from swarm_mj.typing import Array, Mask
@@ -43,10 +44,9 @@ def initial_state(plan: Plan) -> InitialState:
     """The swarm at its release: one point, solved velocities, random attitudes and rates from the scenario's seed."""
     spacecraft, n = plan.scenario.spacecraft, plan.n
     rng = np.random.default_rng(plan.scenario.seed)
-    rate = spacecraft.initial_rate_range_rpm * RPM
+    rate, known = spacecraft.initial_rate_range_rpm * RPM, bool(plan.scenario.initial_states)
     start = InitialState(
-        # Where all leave the mothership at the epoch; `_aboard` has the others.
-        r_BN_N=np.broadcast_to(plan.deployment.r0_N, (n, 3)),
+        r_BN_N=plan.deployment.release_r_N if known else np.broadcast_to(plan.deployment.r0_N, (n, 3)),
         v_BN_N=plan.deployment.v0_N,
         sigma_BN=rng.uniform(-spacecraft.initial_mrp_range, spacecraft.initial_mrp_range, (n, 3)),
         omega_BN_B=rng.uniform(-rate, rate, (n, 3)),
@@ -141,6 +141,7 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
             gravity_gradient=scenario.perturbations.gravity_gradient_torque,
             fault_model=fault_model_from(scenario),
             minimum_time_slews=scenario.control.slew == "time_optimal",
+            aiming=aiming_of(scenario.camera, scenario.control.second_axis),
         ),
         behavior.for_flight(plan) if isinstance(behavior, MissionBehavior) else behavior,
         plan.controller,
@@ -195,7 +196,8 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
     scenario = plan.scenario
     simulation = make_simulation(plan)
     record = simulation.run(scenario.duration_s, scenario.telemetry.interval_s, progress)
-    telemetry = dataset(record, plan.names, plan.environment, plan.properties)
+    aiming = simulation.setup.aiming
+    telemetry = dataset(record, plan.names, plan.environment, plan.properties, aiming)
     telemetry.attrs |= provenance(plan)
     record_coordination(telemetry, simulation.behavior)
     record_formation(telemetry, plan, simulation)

@@ -1,4 +1,4 @@
-"""Where the mothership comes from: its state at the epoch, by whichever of the ways the scenario gives.
+"""Where the mothership, or who flies without one, comes from: states at the epoch, by whichever of the ways a scenario gives.
 
 Approach and elements give the state by a two-body orbit; from the epoch on the full field acts.
 """
@@ -15,10 +15,18 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from swarm_mj.errors import InteropError, MissionError, ScenarioError
+from swarm_mj.io.times import epoch_of, text_of
 from swarm_mj.mission.safety import check_times, find_impacts
 from swarm_mj.mission.trajectories import MAX_EVALUATIONS
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.scenarios.schema_mothership import Approach, OrbitalState, PathOfFile
+from swarm_mj.scenarios.schema_mothership import (
+    Approach,
+    KnownState,
+    Mothership,
+    OrbitalState,
+    PathOfFile,
+    PhaseGeometry,
+)
 from swarm_mj.smallbody.conic import (
     ConicElements,
     Hyperbola,
@@ -36,7 +44,7 @@ from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
 from swarm_mj.tracks.ccsds_in import read_oem
 from swarm_mj.tracks.frames import C_EN
-from swarm_mj.tracks.times import epoch_of, text_of
+from swarm_mj.tracks.horizons_in import read_horizons
 from swarm_mj.typing import Array
 
 #: How to keep the mothership out of the body, by the key that says where it comes from.
@@ -65,14 +73,42 @@ def mothership_state(scenario: Scenario, environment: Environment) -> Mothership
         InteropError: Its file cannot be read.
     """
     asked = scenario.mothership
-    if asked.approach is not None:
-        return _by_approach(asked.approach, scenario, environment)
-    if asked.elements is not None:
-        return _by_elements(asked.elements, scenario, environment)
-    if asked.ephemeris is not None:
-        return _by_file(asked.ephemeris, scenario)
+    if (known := _known_state(asked, "mothership", scenario, environment)) is not None:
+        return known
     velocity = asked.velocity if isinstance(asked.velocity, str) else np.array(asked.velocity)
     return MothershipState(np.array(asked.position_A_m) @ environment.C_AN(0.0), velocity)
+
+
+def known_states(scenario: Scenario, environment: Environment) -> tuple[Array, Array]:
+    """Positions [m] and velocities [m/s] in N at the epoch of spacecraft that are on their way, each of shape (n, 3).
+
+    Raises:
+        ScenarioError: An entry of `initial_states` gives no state; the message names the keys.
+        InteropError: Its file cannot be read.
+    """
+    r_N, v_N = [], []
+    for k, asked in enumerate(scenario.initial_states):
+        found = _known_state(asked, f"initial_states.{k}", scenario, environment)
+        if found is None:
+            assert asked.state is not None  # the schema sees to that
+            C = axes_in_N(asked.state.axes, environment)
+            found = MothershipState(np.array(asked.state.position_m) @ C, np.array(asked.state.velocity_m_s) @ C)
+        r_N.append(found.r_N)
+        v_N.append(found.velocity)
+    return np.array(r_N), np.array(v_N)
+
+
+def _known_state(
+    asked: Mothership | KnownState, key: str, scenario: Scenario, environment: Environment
+) -> MothershipState | None:
+    """State by approach, elements or ephemeris, those of a section called `key`; None where there is none of them."""
+    if asked.approach is not None:
+        return _by_approach(asked.approach, f"{key}.approach", scenario, environment)
+    if asked.elements is not None:
+        return _by_elements(asked.elements, f"{key}.elements", scenario, environment)
+    if asked.ephemeris is not None:
+        return _by_file(asked.ephemeris, f"{key}.ephemeris", scenario)
+    return None
 
 
 def axes_in_N(name: str, environment: Environment) -> Array:
@@ -109,7 +145,7 @@ def check_approach(scenario: Scenario, shape: ShapeModel, environment: Environme
     if isinstance(state.velocity, str) and state.velocity == "mean":
         return
     velocity = np.zeros(3) if isinstance(state.velocity, str) else state.velocity
-    closest = 0.0 if mothership.approach is None else mothership.approach.closest_approach_s
+    closest = 0.0 if mothership.approach is None else mothership.approach.closest_after(scenario.epoch)
     times, r_N = _coasted(shape, environment, state.r_N, velocity, max(scenario.duration_s, closest))
     legs = np.linalg.norm(np.diff(r_N, axis=0), axis=1).max(initial=0.0)
     if np.linalg.norm(r_N, axis=1).min() > shape.max_radius + legs:
@@ -193,32 +229,63 @@ def _bound(orbit: ConicElements, kind: str) -> dict[str, Any]:
     }
 
 
-def _by_approach(asked: Approach, scenario: Scenario, environment: Environment) -> MothershipState:
+def _by_approach(asked: Approach, key: str, scenario: Scenario, environment: Environment) -> MothershipState:
+    gm = _gm(asked.gm_m3_s2, key, scenario, environment)
+    if asked.phase is not None:
+        return _state_of(_by_phase(asked, asked.phase, gm, scenario, environment), key)
+    assert asked.longitude_deg is not None and asked.latitude_deg is not None  # the schema sees to that, and to these:
+    assert asked.b_t_m is not None and asked.b_r_m is not None
     C = axes_in_N(asked.axes, environment)
     longitude, latitude = radians(asked.longitude_deg), radians(asked.latitude_deg)
     S = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
-    gm = _gm(asked.gm_m3_s2, scenario, environment)
     try:
         flyby = Hyperbola.of_components(
             gm,
             asked.v_infinity_m_s * S,
             np.array([0.0, 0.0, 1.0]),
             (asked.b_t_m, asked.b_r_m),
-            asked.closest_approach_s,
+            asked.closest_after(scenario.epoch),
         )
     except MissionError as error:
         raise ScenarioError(
-            f"mothership.approach.latitude_deg = {asked.latitude_deg:g}: {error}; choose other axes than {asked.axes}"
+            f"{key}.latitude_deg = {asked.latitude_deg:g}: {error}; choose other axes than {asked.axes}"
         ) from None
-    try:
-        r, v = state_of_hyperbola(flyby)
-    except MissionError as error:
-        raise ScenarioError(f"mothership.approach: {error}; change b_t_m, b_r_m or closest_approach_s") from None
+    r, v = _state_of(flyby, key)
     return MothershipState(r @ C, v @ C)
 
 
-def _by_elements(asked: OrbitalState, scenario: Scenario, environment: Environment) -> MothershipState:
-    gm = _gm(asked.gm_m3_s2, scenario, environment)
+def _by_phase(
+    asked: Approach, phase: PhaseGeometry, gm: float, scenario: Scenario, environment: Environment
+) -> Hyperbola:
+    """The flyby in N that passes the body and the Sun as `PhaseGeometry` says, at the distance that is asked for."""
+    closest = asked.closest_after(scenario.epoch)
+    sun = environment.sun.at(closest)
+    s = sun / np.linalg.norm(sun)
+    north = np.array([0.0, 0.0, 1.0]) - s[2] * s
+    north /= np.linalg.norm(north)
+    clock = radians(phase.clock_deg)
+    aside = np.cos(clock) * north + np.sin(clock) * np.cross(s, north)
+    against, b_s, n_s = phase.sun
+    across = np.hypot(b_s, n_s)  # sine of the phase on the approach
+    u = against * s + across * aside  # from where it comes
+    p = across * s - against * aside  # across u, towards the Sun
+    x, y = (b_s / across, n_s / across) if across > 0.0 else (1.0, 0.0)
+    assert asked.distance_m is not None  # the schema sees to that
+    B = asked.distance_m * np.sqrt(1.0 + 2.0 * gm / (asked.v_infinity_m_s**2 * asked.distance_m))
+    return Hyperbola(
+        gm=gm, v_infinity=-asked.v_infinity_m_s * u, B=B * (x * p + y * np.cross(u, p)), closest_approach=closest
+    )
+
+
+def _state_of(flyby: Hyperbola, key: str) -> MothershipState:
+    try:
+        return MothershipState(*state_of_hyperbola(flyby))
+    except MissionError as error:
+        raise ScenarioError(f"{key}: {error}; change where or when it passes") from None
+
+
+def _by_elements(asked: OrbitalState, key: str, scenario: Scenario, environment: Environment) -> MothershipState:
+    gm = _gm(asked.gm_m3_s2, key, scenario, environment)
     e = asked.eccentricity
     if asked.periapsis_radius_m is not None:
         least = asked.periapsis_radius_m
@@ -239,7 +306,7 @@ def _by_elements(asked: OrbitalState, scenario: Scenario, environment: Environme
         )
     except MissionError as error:
         raise ScenarioError(
-            f"mothership.elements.true_anomaly_deg = {asked.true_anomaly_deg:g} with eccentricity = {e:g}: {error}"
+            f"{key}.true_anomaly_deg = {asked.true_anomaly_deg:g} with eccentricity = {e:g}: {error}"
         ) from None
     C = axes_in_N(asked.axes, environment)
     return MothershipState(r @ C, v @ C)
@@ -258,36 +325,35 @@ def _true_anomaly(asked: OrbitalState) -> float:
     return 2.0 * atan2(np.sqrt(e + 1.0) * np.tanh(half), np.sqrt(e - 1.0))
 
 
-def _gm(given: float | None, scenario: Scenario, environment: Environment) -> float:
+def _gm(given: float | None, key: str, scenario: Scenario, environment: Environment) -> float:
     if given is not None:
         return given
     gm = getattr(environment.gravity, "gm", None)
     if gm is None:
         raise ScenarioError(
-            f"mothership.{scenario.mothership.way}.gm_m3_s2 = null: the field of body.gravity.model = "
-            f"{scenario.body.gravity.model} has no attribute gm; give mothership.{scenario.mothership.way}.gm_m3_s2"
+            f"{key}.gm_m3_s2 = null: the field of body.gravity.model = {scenario.body.gravity.model} has no attribute gm; give "
+            f"{key}.gm_m3_s2"
         )
     return float(gm)
 
 
-def _by_file(asked: PathOfFile, scenario: Scenario) -> MothershipState:
-    if asked.oem is None:
-        assert asked.spk is not None and asked.target is not None  # the schema sees to that
+def _by_file(asked: PathOfFile, key: str, scenario: Scenario) -> MothershipState:
+    if asked.spk is not None:
         kernels = (*scenario.ephemerides.kernels, asked.spk)
         reader = KernelEphemeris(kernels, scenario.body.name, body=scenario.ephemerides.body)
-        remedy = (
-            f"give in mothership.ephemeris.spk (and ephemerides.kernels) what holds {asked.target} relative to it then"
-        )
-        et = ephemeris_time(scenario.epoch)
-        return MothershipState(*reader.state_N(asked.target, et, "mothership.ephemeris.spk", remedy))
+        remedy = f"give in {key}.spk (and ephemerides.kernels) what holds {asked.target} relative to it then"
+        assert asked.target is not None  # the schema sees to that
+        return MothershipState(*reader.state_N(asked.target, ephemeris_time(scenario.epoch), f"{key}.spk", remedy))
+    name, read = ("oem", read_oem) if asked.horizons is None else ("horizons", read_horizons)
+    file = Path(getattr(asked, name))
     try:
-        track = read_oem(Path(asked.oem), BodyName.of(scenario.body.name))
+        track = read(file, BodyName.of(scenario.body.name))
     except InteropError as error:
-        raise InteropError(f"mothership.ephemeris.oem: {error}") from None
+        raise InteropError(f"{key}.{name}: {error}") from None
     state = track.state_at(epoch_of(scenario.epoch))
     if state is None:
         raise InteropError(
-            f"mothership.ephemeris.oem = {asked.oem}: covers {text_of(track.first)} to {text_of(track.last)} TDB and not the "
+            f"{key}.{name} = {file}: covers {text_of(track.first)} to {text_of(track.last)} TDB and not the "
             f"epoch {scenario.epoch}; set epoch, or give another file"
         )
     return MothershipState(*state)

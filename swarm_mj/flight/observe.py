@@ -39,6 +39,7 @@ from swarm_mj.scenarios.schema_quality import QualityClass
 from swarm_mj.simulator.telemetry import VARIABLES, working
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.mrp import dcm
+from swarm_mj.spacecraft.mounting import camera_attitudes
 from swarm_mj.typing import Array, Ints, Mask
 
 Progress = Callable[[float], None]
@@ -111,6 +112,7 @@ def camera_from(scenario: Scenario) -> CameraModel:
         resolution_px=camera.resolution_px,
         detector_ifov=camera.detector_ifov_rad,
         exposure_s=camera.exposure_s or 0.0,
+        sides=camera.sides,
     )
 
 
@@ -277,15 +279,22 @@ def _motion_blur_in(observer: Observer, picture: Picture) -> Array:
 def flight_pictures(plan: Observed, telemetry: xr.Dataset, *, camera_on: bool = True) -> Iterator[Picture]:
     """All pictures of a flight, in order of time; or those that are not taken, since a camera is off."""
     who, environment = watching_in(telemetry, plan.n_observers, camera_on=camera_on), plan.environment
-    r_BN_N, C_BN = telemetry["r_BN_N"].values, dcm(telemetry["sigma_BN"].values)
-    schedule = _passage(plan.scenario)
+    schedule, r_BN_N = _passage(plan.scenario), telemetry["r_BN_N"].values
+    C_CN, omega_CN_C = flown_cameras(plan.scenario, telemetry)
     # Of a flight flown elsewhere no rates are known.
-    rates = [telemetry[name].values for name in ("v_BN_N", "omega_BN_B") if name in telemetry]
+    rates = [] if omega_CN_C is None or "v_BN_N" not in telemetry else [telemetry["v_BN_N"].values, omega_CN_C]
     for k in picture_samples(plan.scenario, telemetry):
         t = float(telemetry["time"].values[k])
         taking = who[k] & schedule.takers(k, plan.n)
         moving = Motion(rates[0][k], rates[1][k], environment.spin_N) if len(rates) == 2 else None
-        yield from pictures(t, taking, r_BN_N[k], C_BN[k], environment.C_AN(t), environment.sun.at(t), moving)
+        yield from pictures(t, taking, r_BN_N[k], C_CN[k], environment.C_AN(t), environment.sun.at(t), moving)
+
+
+def flown_cameras(scenario: Scenario, telemetry: xr.Dataset) -> tuple[Array, Array | None]:
+    """Attitudes and rates of the cameras of a flight, see `camera_attitudes`."""
+    omega_BN_B = telemetry["omega_BN_B"].values if "omega_BN_B" in telemetry else None
+    r_BN_N, C_BN = telemetry["r_BN_N"].values, dcm(telemetry["sigma_BN"].values)
+    return camera_attitudes(scenario.camera, telemetry["time"].values, r_BN_N, C_BN, omega_BN_B)
 
 
 def picture_count(plan: Observed, telemetry: xr.Dataset) -> int:

@@ -11,22 +11,22 @@ import numpy as np
 from swarm_mj import plugins
 from swarm_mj.dataflow.link_budget import crosslink_range_m
 from swarm_mj.dataflow.relays import check_relays
-from swarm_mj.errors import PathError
+from swarm_mj.errors import PathError, ScenarioError
 from swarm_mj.flight.burns import check_burns, other_burns, push_of, with_insertion
 from swarm_mj.flight.coordination import coordinated
 from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.flight.feasibility import EncounterCheck
-from swarm_mj.flight.mothership import check_approach, mothership_state
+from swarm_mj.flight.mothership import check_approach, known_states, mothership_state
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
 from swarm_mj.flight.targets import legs, pyramid_about, target_from, true_target, visiting_points, with_aims
 from swarm_mj.mission.behaviors import AimedBehavior, Behavior, SelectiveBehavior
 from swarm_mj.mission.deployer import check_deployer
-from swarm_mj.mission.deployment import deploy, planned_paths
+from swarm_mj.mission.deployment import coasting, deploy, planned_paths
 from swarm_mj.mission.links import Antennas
 from swarm_mj.mission.safety import CloseApproach, Impact, check_times, close_approaches, find_impacts, foreseen_impacts
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.mission.trajectories import Deployment
-from swarm_mj.scenarios.itinerary import itinerary
+from swarm_mj.scenarios.itinerary import arrival_times, itinerary
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.scenarios.schema_propulsion import Navigation, Trajectory
@@ -131,12 +131,15 @@ def make_plan(
     properties = properties_from(scenario) if own is None else own.properties
     shape = load_body_shape(scenario.body)
     environment = environment_from(scenario, shape, properties.mass)
-    stops, region = itinerary(scenario), target_from(scenario, shape)
-    points_A = visiting_points(scenario, shape, region)
+    region = target_from(scenario, shape)
+    if scenario.initial_states:
+        coasts = _coasting(scenario, environment, behavior)
+        arrivals = zip(coasts.destination_N, coasts.arrival_s.tolist(), strict=True)
+        points_A = np.array([environment.C_AN(t) @ r_N for r_N, t in arrivals])
+    else:
+        coasts, points_A = None, visiting_points(scenario, shape, region)
     behavior = with_aims(scenario, behavior, region)
     region = true_target(scenario, shape, region)
-    mothership = mothership_state(scenario, environment)
-    check_approach(scenario, shape, environment, mothership)
     candidates = None if check_separation else len(points_A)
 
     def foresee(r0_N: Array, destinations_N: Array, span: tuple[float, float], who: Indices) -> None:
@@ -148,12 +151,17 @@ def make_plan(
     near_collisions: list[CloseApproach] = []
     if known is not None:
         deployment, least_radius = replace(known[0], push=push if known[0].burns else None), known[1]
+    elif coasts is not None:
+        deployment = coasts
+        near_collisions, least_radius = _check_flight(scenario, shape, environment, deployment, candidates)
     else:
+        mothership = mothership_state(scenario, environment)
+        check_approach(scenario, shape, environment, mothership)
         deployment = deploy(
             environment,
             mothership_N=mothership.r_N,
             mothership_velocity=mothership.velocity,
-            **legs(scenario, stops, points_A, behavior, region),
+            **legs(scenario, itinerary(scenario), points_A, behavior, region),
             progress=progress,
             foresee=foresee if push is None or most_m_s is None else None,  # insertion burns lead elsewhere
         )
@@ -190,6 +198,20 @@ def make_plan(
     )
     check_faults_of(plan, scenario)
     return plan
+
+
+def _coasting(scenario: Scenario, environment: Environment, behavior: Behavior) -> Deployment:
+    """The swarm that is on its way at the epoch.
+
+    Raises:
+        ScenarioError: A behaviour asks for one more spacecraft, which nobody releases.
+    """
+    if behavior.dedicated_communications:
+        raise ScenarioError(
+            f"behavior.name = {scenario.behavior.name}: adds a spacecraft for communications, which no mothership releases to "
+            "those of initial_states; must be another, such as body_tracking or adaptable_roles"
+        )
+    return coasting(environment, *known_states(scenario, environment), arrival_times(scenario))
 
 
 def check_faults_of(plan: Plan, scenario: Scenario) -> None:

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from typing import Final, Literal
 
 from swarm_mj.interop.states import FIRST_SPACECRAFT, FlightStates
+from swarm_mj.io.times import text_of
 from swarm_mj.tracks.kvn import write_message
-from swarm_mj.tracks.times import text_of
 from swarm_mj.typing import Array
 
 Generation = Literal[2, 3]

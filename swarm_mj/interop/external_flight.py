@@ -19,6 +19,7 @@ from swarm_mj.errors import InteropError
 from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.flight.observe import arrival_samples
 from swarm_mj.flight.targets import target_from, true_target
+from swarm_mj.io.times import SECOND, epoch_of, text_of
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.camera import look_at
 from swarm_mj.scenarios.bodies import packaged_body
@@ -30,7 +31,6 @@ from swarm_mj.smallbody.shape_io import READERS
 from swarm_mj.smallbody.solid_angle import points_inside
 from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion, quaternions
 from swarm_mj.tracks.ccsds_in import read_aem, read_oem
-from swarm_mj.tracks.times import SECOND, epoch_of, text_of
 from swarm_mj.tracks.track import Track
 from swarm_mj.typing import Array, Ints, Mask
 

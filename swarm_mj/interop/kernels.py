@@ -16,12 +16,12 @@ import numpy as np
 
 from swarm_mj.interop.states import CLOCK, FIRST_SPACECRAFT, FlightStates
 from swarm_mj.io.spice import furnished, spice_errors, spiceypy
+from swarm_mj.io.times import EB, M0, M1, TT_TAI, K, leap_seconds
 from swarm_mj.scenarios.constants import DAY
 from swarm_mj.smallbody.rotation import spin_dcm
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.tracks.frames import C_EN
-from swarm_mj.tracks.times import EB, M0, M1, TT_TAI, K, leap_seconds
 from swarm_mj.typing import Array
 
 #: Ticks of the spacecraft clock in a second; its most significant field counts seconds of TDB past the scenario's epoch.

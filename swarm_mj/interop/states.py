@@ -10,11 +10,11 @@ import xarray as xr
 
 from swarm_mj.flight.observe import arrival_sample, camera_from
 from swarm_mj.flight.plan import Plan
+from swarm_mj.io.times import SECOND, epoch_of
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.spacecraft.attitude.mrp import dcm, quaternion_from_mrp, quaternions, steady
 from swarm_mj.tracks.frames import C_EN
-from swarm_mj.tracks.times import SECOND, epoch_of
 from swarm_mj.typing import Array
 
 #: The first spacecraft is -900001; NAIF gives missions numbers of three digits. The clock of all is -900000.

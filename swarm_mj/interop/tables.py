@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 
 from swarm_mj.interop.states import FlightStates
+from swarm_mj.io.times import text_of
 from swarm_mj.spacecraft.attitude.mrp import dcm
-from swarm_mj.tracks.times import text_of
 
 
 def spacecraft_table(states: FlightStates, j: int) -> tuple[pd.DataFrame, list[dict[str, str]]]:

@@ -82,6 +82,31 @@ def deploy(
     )
 
 
+def coasting(environment: Environment, r_N: Array, v_N: Array, arrival_s: Array) -> Deployment:
+    """The deployment of a swarm that is on its way at the epoch, each with a state of its own and without a mothership.
+
+    Args:
+        environment: Force model; its epoch is the flight's.
+        r_N: Positions in N at the epoch, shape (n, 3) [m].
+        v_N: Velocities, shape (n, 3) [m/s].
+        arrival_s: When each arrives, where it then is, past the epoch, shape (n,) [s].
+    """
+    instants, which = np.unique(np.append(0.0, arrival_s), return_inverse=True)
+    r, _ = propagate(environment.acceleration_N, r_N, v_N, instants)
+    n = len(r_N)
+    return Deployment(
+        r0_N=r_N.mean(axis=0),
+        v0_N=v_N,
+        mothership_velocity_N=v_N.mean(axis=0),
+        destination_N=r[which.ravel()[1:], np.arange(n)],
+        miss_m=np.zeros(n),
+        release_s=np.zeros(n),
+        arrival_s=arrival_s,
+        release_r_N=r_N,
+        release_mothership_v_N=v_N,
+    )
+
+
 def groups(*keys: Array) -> Iterator[tuple[float, Indices]]:
     """Spacecraft that share all keys, each of shape (n,): the value of the first key, and who, in order of the keys."""
     values, which = np.unique(np.column_stack(keys), axis=0, return_inverse=True)
@@ -189,7 +214,7 @@ def planned_paths(
     if deployment.burns and deployment.push is not None:
         return _burning_paths(forces, deployment, times, rtol)
     if not deployment.release_s.any():
-        return propagate(forces, np.broadcast_to(deployment.r0_N, (n, 3)), deployment.v0_N, times, rtol=rtol)
+        return propagate(forces, deployment.release_r_N, deployment.v0_N, times, rtol=rtol)
     r, v = np.empty((len(times), n, 3)), np.empty((len(times), n, 3))
     aboard = times < deployment.release_s.max()
     carried = _coast(forces, deployment.r0_N, deployment.mothership_velocity_N, times[aboard])

@@ -90,10 +90,10 @@ class Push(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Deployment:
-    """How the swarm leaves the mothership, which coasts from the epoch on.
+    """How the swarm leaves the mothership, which coasts from the epoch on; without one, each leaves where it is at the epoch.
 
     Attributes:
-        r0_N: The mothership at the epoch, shape (3,) [m].
+        r0_N: The mothership at the epoch, or the middle of the swarm without one, shape (3,) [m].
         v0_N: Velocity of each spacecraft at its release, just after the deployer's push, shape (n, 3) [m/s].
         mothership_velocity_N: At the epoch, shape (3,) [m/s].
         destination_N: Where each is at its arrival, shape (n, 3) [m].

@@ -1,7 +1,7 @@
 """The camera: its field of view, where its pictures fall, and their motion blur.
 
 Camera frame C: z along the line of sight, x to the right and y down in the picture (right-handed). On a spacecraft the
-camera looks along the body's +z, and C is the body frame B. `C_CA` maps components in the body-fixed frame A into C;
+camera looks along the body's +z, and C is the body frame B, where it is not mounted otherwise. `C_CA` maps components in the body-fixed frame A into C;
 its rows are the camera's axes in A. Lengths are in metres.
 
 Motion blur is how far the image of each cell moves over the detector while a picture is exposed: to first order, the rate at
@@ -16,7 +16,7 @@ rates by which it misses it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any, Literal, NamedTuple
 
@@ -43,9 +43,11 @@ class CameraModel:
     """An ideal pinhole camera.
 
     Attributes:
-        half_angle_deg: Angle between the line of sight and the middle of a picture's edge [deg], between 0 and 90.
+        half_angle_deg: Angle between the line of sight and the middle of a picture's edge [deg], between 0 and 90; of a
+            rectangle, of the nearer edges of its longer sides' ends.
         shape: `square` pyramid, or the `cone` inscribed in it.
         resolution_px: Pixels along one side of the square picture.
+        sides: Width and height of a rectangular field of view over the longer of the two; the square about it is drawn.
         detector_ifov: Width of a pixel of the real detector at unit distance [rad], where it is finer than the picture that
             is drawn; None: the picture's.
         exposure_s: Time for which a picture is exposed [s]; 0: an instant.
@@ -59,6 +61,7 @@ class CameraModel:
     resolution_px: int = 512
     detector_ifov: float | None = None
     exposure_s: float = 0.0
+    sides: tuple[float, float] = (1.0, 1.0)
 
     def __post_init__(self) -> None:
         """Refuse impossible cameras."""
@@ -68,6 +71,8 @@ class CameraModel:
             raise MissionError(f"unknown field of view {self.shape!r}: use 'square' or 'cone'")
         if not 1 <= self.resolution_px <= MAX_RESOLUTION:
             raise MissionError(f"camera resolution {self.resolution_px} px must be 1 to {MAX_RESOLUTION} px")
+        if max(self.sides) != 1.0 or not min(self.sides) > 0.0 or (self.shape == "cone" and min(self.sides) != 1.0):
+            raise MissionError(f"camera sides {self.sides}: the longer must be 1, the other above 0, both 1 for a cone")
         if not (isfinite(self.exposure_s) and self.exposure_s >= 0.0):
             raise MissionError(f"camera exposure {self.exposure_s} s must be 0 or more")
 
@@ -86,7 +91,19 @@ class CameraModel:
     @property
     def optics(self) -> Optics:
         """The field of view in numbers."""
-        return Optics(self.tan_half_angle, self.shape == "cone")
+        return Optics(self.tan_half_angle, self.shape == "cone", *self.sides)
+
+    @property
+    def inscribed_cone(self) -> CameraModel:
+        """The same with the cone that lies in the field of view however it is turned about the line of sight."""
+        if min(self.sides) == 1.0:
+            return replace(self, shape="cone")
+        half_angle = float(np.degrees(np.arctan(min(self.sides) * self.tan_half_angle)))
+        resolution = max(1, round(min(self.sides) * self.resolution_px))
+        ifov = self.pixel_angle
+        return replace(
+            self, shape="cone", half_angle_deg=half_angle, resolution_px=resolution, detector_ifov=ifov, sides=(1.0, 1.0)
+        )
 
     def contains(self, points_C: Array) -> Mask:
         """Tell which points lie in the field of view, occlusion aside; `points_C` [m] has shape (..., 3)."""
@@ -99,17 +116,24 @@ class Optics(NamedTuple):
     Attributes:
         tan_half_angle: Half the width of the picture at unit distance.
         cone: Whether it is the cone inscribed in the square pyramid.
+        across: Share of that width that a rectangle takes.
+        down: Share of the height.
     """
 
     tan_half_angle: float
     cone: bool
+    across: float = 1.0
+    down: float = 1.0
 
 
 @jittable
 def in_field_of_view(optics: Optics, x: Any, y: Any, z: Any) -> Any:
     """Whether points given in the camera frame [m], numbers or arrays of them, lie in the field of view."""
     reach = z * optics.tan_half_angle
-    within = x * x + y * y <= reach * reach if optics.cone else (abs(x) <= reach) & (abs(y) <= reach)
+    if optics.cone:
+        within = x * x + y * y <= reach * reach
+    else:
+        within = (abs(x) <= reach * optics.across) & (abs(y) <= reach * optics.down)
     return (z > 0.0) & within
 
 
@@ -181,7 +205,8 @@ class Motion(NamedTuple):
 
     Attributes:
         v_BN_N: Velocities [m/s], shape (n, 3).
-        omega_BN_B: Angular velocities of B relative to N, in B [rad/s], shape (n, 3).
+        omega_BN_B: Angular velocities of B, or of the camera's frame where that is another, relative to N, in that frame
+            [rad/s], shape (n, 3).
         spin_N: Angular velocity of A relative to N [rad/s], shape (3,).
     """
 

@@ -109,7 +109,8 @@ class FaceIdObserver(MeshObserver):
         Raises:
             ObserverError: The observer was closed; or OpenGL draws, and this is a forked child or another thread.
         """
-        return self._open_drawer().draw(pose, window)
+        picture = self._open_drawer().draw(pose, window)
+        return picture if min(self.camera.sides) == 1.0 else _cut(picture, window, self.camera.sides)
 
     def _open_drawer(self) -> OpenGlFaces | CompiledFaces:
         if self._drawer is None:
@@ -125,3 +126,13 @@ class FaceIdObserver(MeshObserver):
     def __del__(self) -> None:
         """Close, if nobody did."""
         self.close()
+
+
+def _cut(picture: NDArray[np.uint32], window: PictureWindow, sides: tuple[float, float]) -> NDArray[np.uint32]:
+    """Leave sky where the centre of a pixel of a square picture's window lies outside a rectangle in it; in place."""
+    size = len(picture)
+    across, down = (window.high - window.low) / size
+    x, y = window.low[0] + (np.arange(size) + 0.5) * across, window.high[1] - (np.arange(size) + 0.5) * down
+    picture[:, np.abs(x) > sides[0]] = 0
+    picture[np.abs(y) > sides[1]] = 0
+    return picture

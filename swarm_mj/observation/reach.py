@@ -80,7 +80,7 @@ def reach_of(observer: Observer, criterion: Observation) -> Reach:
             min_share=limits.min_share * (1.0 - WIDER),
             max_pixel_area=limits.max_pixel_area * (1.0 + WIDER),
         ),
-        optics=Optics(optics.tan_half_angle * (1.0 + WIDER), optics.cone),
+        optics=Optics(optics.tan_half_angle * (1.0 + WIDER), optics.cone, 1.0, 1.0),
         weights=barycentric_samples(observer.samples),
         sides=np.column_stack((np.cos(angles), np.sin(angles))),
         around=(cos(around), sin(around)),

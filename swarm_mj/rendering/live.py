@@ -38,7 +38,7 @@ def planned_path(plan: Plan) -> Array:
     try:
         return planned_paths(plan.environment.acceleration_N, plan.deployment, times, rtol=PATH_RTOL)[0]
     except MissionError:
-        return plan.deployment.r0_N + times[:, None, None] * plan.deployment.v0_N
+        return plan.deployment.release_r_N + times[:, None, None] * plan.deployment.v0_N
 
 
 #: Pictures per second of a live view.

@@ -25,6 +25,7 @@ from swarm_mj.scenarios.design_record import DesignRecord
 from swarm_mj.scenarios.explaining import explained, listed
 from swarm_mj.scenarios.limits import MAX_INTEGER_CHARACTERS, check_work
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_mothership import FILES
 from swarm_mj.scenarios.schema_sensors import sensor_class
 
 #: What a scenario is read from: a packaged name, the path of a YAML file, what such a file holds, or a scenario.
@@ -188,8 +189,7 @@ def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
         ("target", "polygon_file", []),
         ("design", "reference", packaged_files("designs", ".json")),
         ("spacecraft", "mjcf", []),
-        ("mothership.ephemeris", "oem", []),
-        ("mothership.ephemeris", "spk", []),
+        *(("mothership.ephemeris", key, []) for key in FILES),
     ):
         values = _section(data, section)
         if isinstance(values.get(key), str) and values[key] not in names:
@@ -198,6 +198,10 @@ def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
         values = _section(data, section)
         if isinstance(name := values.get(key), str) and (own := file_of(name)) is not None:
             values[key] = f"{_resolved(str(own[0]), folder)}:{own[1]}"
+    states = data.get("initial_states")
+    for state in states if isinstance(states, list) else ():
+        path = _section(state, "ephemeris") if isinstance(state, dict) else {}
+        path |= {key: _resolved(path[key], folder) for key in FILES if isinstance(path.get(key), str)}
     ephemerides = _section(data, "ephemerides")
     if isinstance(ephemerides.get("kernels"), list):
         named = ephemerides["kernels"]

@@ -7,18 +7,19 @@ and a reason in their description; `swarm-mj json-schema` prints them all.
 
 from __future__ import annotations
 
-from datetime import datetime
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
+from swarm_mj.io.times import tdb_date
 from swarm_mj.scenarios.bodies import expanded_body, packaged_bodies
 from swarm_mj.scenarios.schema_body import Body, Ephemerides, Perturbations
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
 from swarm_mj.scenarios.schema_imaging import Camera, Observation
-from swarm_mj.scenarios.schema_itinerary import Aim, Design
+from swarm_mj.scenarios.schema_itinerary import Aim, Design, Visit
 from swarm_mj.scenarios.schema_link import Data, Link
-from swarm_mj.scenarios.schema_mothership import Mothership
+from swarm_mj.scenarios.schema_mothership import KnownState, Mothership
 from swarm_mj.scenarios.schema_propulsion import (
     Navigation,
     Thrusters,
@@ -151,6 +152,24 @@ class Spacecraft(Section):
         return self
 
 
+class SecondAxis(Section):
+    """An axis of the spacecraft that fixes its rotation about the line of sight."""
+
+    axis_B: Vector3 = Field((0.0, 1.0, 0.0), description="in B, not along the line of sight, of any length [-]")
+    towards: Literal["sun", "earth", "velocity", "orbit_normal"] | Vector3 = Field(
+        description="what it is turned to as far as the line of sight lets it: the Sun, Earth, the velocity in N, r x v in N, or "
+        "a direction in N, of any length; within 5.7 deg of the line of sight it says nothing, and the rotation is "
+        "carried along",
+    )
+
+    @model_validator(mode="after")
+    def _axes_are_directions(self) -> Self:
+        for key, value in (("axis_B", self.axis_B), ("towards", self.towards)):
+            if not isinstance(value, str) and not any(value):
+                raise ValueError(f"{key} = [0, 0, 0]: must be a direction")
+        return self
+
+
 class Control(Section):
     """The attitude control law, by plug-in name."""
 
@@ -165,6 +184,9 @@ class Control(Section):
         "law",
         description="how the spacecraft turns to a new target: as the gains of the law have it, or by the minimum-time turn "
         "about one axis within 80 % of the wheels' torque and momentum, which the law follows",
+    )
+    second_axis: SecondAxis | None = Field(
+        None, description="what fixes the rotation about the line of sight; null: the shortest turn, carried along"
     )
     period_s: float = Field(0.5, ge=1e-3, le=60, description="how long wheel torques and forces are held [s]")
 
@@ -344,7 +366,8 @@ class Scenario(Section):
     )
     epoch: str = Field(
         "2018-01-01T03:15:00",
-        description="time at which the swarm is deployed, ISO 8601, TDB; from 1800 to 2049, where the Earth's elements hold, "
+        description="time at which the swarm is deployed, ISO 8601, TDB, or UTC with a trailing Z, which is converted; from "
+        "1800 to 2049, where the Earth's elements hold, "
         "or to 2199 where ephemerides.kernels says where it is; by default the paper's target is sunlit and Earth in "
         "view during the imaging (numbers beside DEFAULT_EPOCH in swarm_mj.smallbody.ephemeris)",
     )
@@ -359,6 +382,12 @@ class Scenario(Section):
     target: Target = Field(default_factory=Target)
     design: Design = Field(default_factory=Design)
     mothership: Mothership = Field(default_factory=Mothership)
+    initial_states: tuple[KnownState, ...] = Field(
+        (),
+        max_length=1000,
+        description="one entry per spacecraft that is on its way already at the epoch, without a mothership and without visiting "
+        "points; empty: all come from the mothership; see docs/how-to/encounters.md",
+    )
     trajectory: Trajectory = Field(default_factory=Trajectory)
     navigation: Navigation = Field(default_factory=Navigation)
     spacecraft: Spacecraft = Field(default_factory=Spacecraft)
@@ -380,19 +409,63 @@ class Scenario(Section):
     )
     dispersions: Dispersions = Field(default_factory=Dispersions)
 
+    @model_validator(mode="after")
+    def _known_states_stand_alone(self) -> Self:
+        if not self.initial_states:
+            return self
+        for key, given, remedy in (
+            ("mothership", self.mothership != Mothership(), "leave it out"),
+            (
+                "trajectory.corrections",
+                bool(self.trajectory.corrections),
+                "which lead to visiting points; leave them out",
+            ),
+            ("swarm.formation", self.swarm is not None and self.swarm.formation is not None, "leave it out"),
+        ):
+            if given:
+                raise ValueError(f"{key}: cannot go with initial_states; {remedy}")
+        expected = tuple(_visit_of(state, self.epoch, self.telemetry.interval_s) for state in self.initial_states)
+        for k, visit in enumerate(expected):
+            if not 0.0 < (arrival := visit.time_of_flight_s or 0.0) <= self.duration_s:
+                raise ValueError(
+                    f"initial_states.{k}: arrives at t = {arrival:g} s, outside the flight; must be from the first sample of the "
+                    f"telemetry to duration_s = {self.duration_s:g}; change epoch, duration_s, or when it arrives"
+                )
+        design = self.design
+        if (design.observers, design.visiting_points) != (
+            expected,
+            (1,) * len(expected),
+        ) or design.reference is not None:
+            raise ValueError(
+                "design.visiting_points, observers, reference: say nothing with initial_states, of which none flies to a visiting "
+                "point; leave them out"
+            )
+        return self
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_states_arrive(cls, data: Any) -> Any:
+        """Fill `design` with the arrivals of `initial_states`."""
+        given = data.get("initial_states") if isinstance(data, Mapping) else None
+        design = data.get("design", {}) if given else None
+        if not isinstance(given, list | tuple) or not isinstance(design, Mapping):
+            return data
+        try:
+            states = tuple(KnownState.model_validate(state) for state in given)
+            epoch = tdb_date(data.get("epoch", cls.model_fields["epoch"].default))
+            interval_s = Telemetry.model_validate(data.get("telemetry", {})).interval_s
+        except ValueError:  # which the fields tell better
+            return data
+        filled: dict[str, Any] = {"visiting_points": (1,) * len(states)}
+        filled["observers"] = tuple(_visit_of(state, epoch, interval_s) for state in states)
+        if passing := [state.approach.miss_m for state in states if state.approach is not None]:
+            filled["imaging_altitude_m"] = max(min(passing), 1.0)
+        return {**data, "design": {**filled, **design}}
+
     @field_validator("epoch", mode="before")
     @classmethod
     def _epoch_is_a_date(cls, value: Any) -> str:
-        # YAML reads an unquoted date and time as one.
-        moment = value
-        if isinstance(value, str):
-            try:
-                moment = datetime.fromisoformat(value)
-            except ValueError:
-                moment = None
-        if not isinstance(moment, datetime) or moment.tzinfo is not None:
-            raise ValueError(f"= {value!r}: must be a date and time in TDB without time zone, like 2018-01-15T00:00:00")
-        return moment.isoformat()
+        return tdb_date(value)  # YAML reads an unquoted date and time as one
 
     @model_validator(mode="after")
     def _orbits_hold_at_the_epoch(self) -> Self:
@@ -548,6 +621,17 @@ class Scenario(Section):
                     f"{key}.release_s + time_of_flight_s = {release:g} + " if release else f"{key}.time_of_flight_s = "
                 )
                 raise ValueError(f"duration_s = {self.duration_s:g}: must not end before {after}{flight:g}")
+
+
+def _visit_of(state: KnownState, epoch: str, interval_s: float) -> Visit:
+    """The arrival of a spacecraft that is on its way at an epoch in TDB, at the nearest sample of the telemetry."""
+    arrival = state.arrival_s
+    if arrival is None:
+        assert state.approach is not None  # the section sees to that
+        arrival = state.approach.closest_after(epoch)
+    return Visit.model_construct(
+        visiting_point=1, release_s=0.0, time_of_flight_s=float(f"{round(arrival / interval_s) * interval_s:.12g}")
+    )
 
 
 def is_multiple(value: float, unit: float) -> bool:

@@ -2,20 +2,47 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from math import atan, degrees, hypot
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from swarm_mj.scenarios.constants import CUBESAT_APERTURE_M, GREEN_LIGHT_M
 from swarm_mj.scenarios.schema_quality import PACKAGED, Classes
-from swarm_mj.scenarios.section import Section
+from swarm_mj.scenarios.section import Section, Vector3
 
 #: Least `observation.min_fraction` by which whole cells are meant: counts of pixels do not tell 99 % of a cell from all of it.
 WHOLE_FROM = 0.99
 
 
+#: Pixels along one side of a detector.
+Pixels = Annotated[int, Field(ge=16, le=100_000)]
+#: A small turn about an axis of the camera.
+SmallAngle = Annotated[float, Field(ge=-10, le=10)]
+
+
+class Gimbal(Section):
+    """A scan mirror, or a camera on a hinge: it turns the line of sight about an axis towards the body's centre."""
+
+    axis_B: Vector3 = Field(description="of the hinge, across camera.boresight_B, of any length [-]")
+    from_deg: float = Field(ge=-360, le=360, description="least angle from boresight_B about the axis [deg]")
+    to_deg: float = Field(ge=-360, le=360, description="largest angle [deg]")
+    rate_deg_s: float = Field(gt=0, le=1e3, description="largest speed at which it turns [deg/s]")
+
+    @model_validator(mode="after")
+    def _turns(self) -> Self:
+        if not any(self.axis_B):
+            raise ValueError("axis_B = [0, 0, 0]: must be a direction")
+        if not self.from_deg < self.to_deg <= self.from_deg + 360.0:
+            raise ValueError(
+                f"to_deg = {self.to_deg:g}: must be above from_deg = {self.from_deg:g}, by at most 360 deg"
+            )
+        return self
+
+
 class Camera(Section):
-    """The camera along +z."""
+    """The camera, along +z where boresight_B says nothing else."""
 
     half_angle_deg: float = Field(
         21.5, gt=0, lt=90, description="to the sides of a square field of view, or of the cone [deg]"
@@ -25,7 +52,27 @@ class Camera(Section):
     detector_ifov_rad: float | None = Field(
         None,
         gt=0,
+        le=0.1,
         description="angle of one pixel of the real detector, for the ground sampling distance [rad]; null: the picture's",
+    )
+    detector_px: tuple[Pixels, Pixels] | None = Field(
+        None,
+        description="pixels of the real detector along x and y of its pictures: with detector_ifov_rad they give the field of "
+        "view, a rectangle, and half_angle_deg is left out, which is then that of the longer side; null: a square",
+    )
+    boresight_B: Vector3 = Field(
+        (0.0, 0.0, 1.0),
+        description="direction in B in which the camera looks, of any length [-]: the spacecraft turns it, not +z, to the body; x "
+        "of the picture is B's x made perpendicular to it, or y where it looks along x",
+    )
+    misalignment_deg: tuple[SmallAngle, SmallAngle, SmallAngle] = Field(
+        (0.0, 0.0, 0.0),
+        description="rotation vector in the camera's frame by which it is mounted otherwise than the spacecraft knows [deg]",
+    )
+    gimbal: Gimbal | None = Field(
+        None,
+        description="what turns the line of sight against the spacecraft; it then takes pictures while the spacecraft holds a "
+        "direction, too; null: nothing does",
     )
     exposure_s: float | None = Field(
         None,
@@ -74,6 +121,55 @@ class Camera(Section):
         le=1e6,
         description="of a pixel, electrons rms [-], for signal to noise; assumed: of a CMOS detector",
     )
+
+
+    @model_validator(mode="before")
+    @classmethod
+    def _detector_gives_the_field_of_view(cls, data: Any) -> Any:
+        """Fill half_angle_deg where a detector gives it."""
+        try:
+            longer = max(data["detector_px"]) * float(data["detector_ifov_rad"])
+        except (TypeError, ValueError, KeyError):  # there is none; what is wrong with it the fields tell better
+            return data
+        return {"half_angle_deg": degrees(atan(0.5 * longer)), **data} if isinstance(data, Mapping) else data
+
+    @model_validator(mode="after")
+    def _detector_fits(self) -> Self:
+        if self.detector_px is not None:
+            if self.detector_ifov_rad is None:
+                raise ValueError("detector_px: gives the field of view with detector_ifov_rad; give it")
+            half_angle = degrees(atan(0.5 * max(self.detector_px) * self.detector_ifov_rad))
+            if abs(half_angle - self.half_angle_deg) > 1e-9 * half_angle:
+                raise ValueError(
+                    f"half_angle_deg = {self.half_angle_deg:g}: must be left out with detector_px and detector_ifov_rad, which "
+                    f"give {half_angle:.9g}"
+                )
+            if self.shape == "cone":
+                raise ValueError("shape = cone: must be square with detector_px, whose field of view is a rectangle")
+        if not any(self.boresight_B):
+            raise ValueError("boresight_B = [0, 0, 0]: must be a direction")
+        if self.gimbal is not None:
+            along = sum(a * b for a, b in zip(self.gimbal.axis_B, self.boresight_B, strict=True))
+            if abs(along) > 1e-6 * hypot(*self.gimbal.axis_B) * hypot(*self.boresight_B):
+                raise ValueError(
+                    f"gimbal.axis_B = {list(self.gimbal.axis_B)}: must be perpendicular to boresight_B = "
+                    f"{list(self.boresight_B)}"
+                )
+        return self
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Width and height of the field of view over the longer of the two."""
+        if self.detector_px is None:
+            return 1.0, 1.0
+        return self.detector_px[0] / max(self.detector_px), self.detector_px[1] / max(self.detector_px)
+
+    @property
+    def as_the_body(self) -> bool:
+        """Whether pictures are taken in the frame B of the spacecraft itself."""
+        return self.boresight_B[:2] == (0.0, 0.0) and self.boresight_B[2] > 0.0 and not (
+            self.gimbal or any(self.misalignment_deg)
+        )
 
 
 class Observation(Section):

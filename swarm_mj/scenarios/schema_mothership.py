@@ -1,11 +1,13 @@
-"""The mothership: where it comes from, and what its deployer can do."""
+"""The mothership: where it comes from, and what its deployer can do; or spacecraft that are on their way without one."""
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from math import acos, cos, degrees, hypot, radians, sin, sqrt
+from typing import Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from swarm_mj.io.times import SECOND, epoch_of, tdb_date
 from swarm_mj.scenarios.section import Section, Vector3
 
 #: Axes in which angles are given; z is the pole of the B-plane.
@@ -16,27 +18,133 @@ _AXES = (
 )
 #: Keys that say where it comes from instead of position and velocity.
 WAYS = ("approach", "elements", "ephemeris")
+#: Keys of files that hold a path.
+FILES = ("oem", "spk", "horizons")
 _GM = "of the two-body orbit that gives the state at the epoch [m^3/s^2]; null: the gravity field's own"
 
 
+class PhaseGeometry(Section):
+    """A flyby by its phase angles (Sun, body, spacecraft), as encounters are published: a straight line past the body.
+
+    With unit vectors s to the Sun, v along the asymptote, b to the closest approach and n = v x b,
+    s = cos e (-cos B v + sin B b) + sin e n: the phase is acos(cos e cos B) on the approach, acos(cos e sin B) at the closest
+    approach, and its least value in the passage is |e| where B is above 0.
+    """
+
+    approach_deg: float = Field(ge=0, le=180, description="on the incoming asymptote [deg]")
+    least_deg: float | None = Field(
+        None,
+        ge=-90,
+        le=90,
+        description="e, least phase of a passage that leads before the Sun's side of the body, by its sign on which side of the "
+        "flyby's plane the Sun stands [deg]; null: by closest_deg",
+    )
+    closest_deg: float | None = Field(
+        None, ge=0, le=180, description="at the closest approach [deg]; null: by least_deg"
+    )
+    clock_deg: float = Field(
+        0.0,
+        ge=-360,
+        le=360,
+        description="of the direction from which the spacecraft comes, about that to the Sun, from ecliptic north towards the "
+        "cross product of the Sun's direction and north [deg]: phases leave it open",
+    )
+
+    @model_validator(mode="after")
+    def _phases_are_those_of_a_line(self) -> Self:
+        if (self.least_deg is None) == (self.closest_deg is None):
+            raise ValueError("least_deg, closest_deg: give exactly one of them")
+        along = cos(radians(self.approach_deg))
+        if self.least_deg is not None and abs(along) > cos(radians(self.least_deg)):
+            most = min(self.approach_deg, 180.0 - self.approach_deg)
+            raise ValueError(
+                f"least_deg = {self.least_deg:g}: must be from {-most:g} to {most:g} with approach_deg = {self.approach_deg:g}"
+            )
+        if self.closest_deg is not None and hypot(along, cos(radians(self.closest_deg))) > 1.0:
+            least = degrees(acos(sqrt(1.0 - along**2)))
+            raise ValueError(
+                f"closest_deg = {self.closest_deg:g}: must be from {least:g} to {180.0 - least:g} with approach_deg = "
+                f"{self.approach_deg:g}"
+            )
+        return self
+
+    @property
+    def sun(self) -> tuple[float, float, float]:
+        """Components of the direction to the Sun along -v, b and n."""
+        against = cos(radians(self.approach_deg))
+        if self.closest_deg is not None:
+            closest = cos(radians(self.closest_deg))
+            return against, closest, sqrt(max(0.0, 1.0 - against**2 - closest**2))
+        assert self.least_deg is not None  # one of both is given
+        beside = sin(radians(self.least_deg))
+        return against, sqrt(max(0.0, 1.0 - against**2 - beside**2)), beside
+
+
 class Approach(Section):
-    """A hyperbola past the body: velocity at infinity, B-plane and time of closest approach."""
+    """A hyperbola past the body: velocity at infinity, B-plane and time of closest approach; or its phase angles."""
 
     v_infinity_m_s: float = Field(gt=0, le=1e5, description="speed on the incoming asymptote [m/s]")
-    longitude_deg: float = Field(ge=-360, le=360, description="of the direction in which the mothership comes in [deg]")
-    latitude_deg: float = Field(ge=-90, le=90, description="of that direction [deg]")
+    longitude_deg: float | None = Field(
+        None,
+        ge=-360,
+        le=360,
+        description="of the direction in which it comes in [deg]; null, as the next four: by phase",
+    )
+    latitude_deg: float | None = Field(None, ge=-90, le=90, description="of that direction [deg]")
     axes: Axes = Field("ecliptic", description=f"of the two angles, and whose z is the pole of the B-plane; {_AXES}")
-    b_t_m: float = Field(
+    b_t_m: float | None = Field(
+        None,
         ge=-1e12,
         le=1e12,
         description="B.T: of the vector from the body's centre to the asymptote, along T = S x pole, where S is the direction "
         "of the asymptote [m]",
     )
-    b_r_m: float = Field(ge=-1e12, le=1e12, description="B.R: the same along R = S x T [m]")
-    closest_approach_s: float = Field(
-        ge=-3e7, le=3e7, description="time past the epoch of the two-body orbit's closest approach [s]"
+    b_r_m: float | None = Field(None, ge=-1e12, le=1e12, description="B.R: the same along R = S x T [m]")
+    distance_m: float | None = Field(
+        None, gt=0, le=1e12, description="closest distance from the body's centre, with phase [m]"
+    )
+    phase: PhaseGeometry | None = Field(
+        None, description="phase angles, in place of longitude_deg, latitude_deg, b_t_m and b_r_m; null: by these"
+    )
+    closest_approach_s: float | None = Field(
+        None,
+        ge=-3e7,
+        le=3e7,
+        description="time past the epoch of the two-body orbit's closest approach [s]; null: by closest_approach",
+    )
+    closest_approach: str | None = Field(
+        None, description="date and time of it, as epoch is given; null: by closest_approach_s"
     )
     gm_m3_s2: float | None = Field(None, ge=0, le=1e22, description=f"{_GM}; 0: a straight line")
+
+    @field_validator("closest_approach", mode="before")
+    @classmethod
+    def _closest_approach_is_a_date(cls, value: Any) -> str | None:
+        return None if value is None else tdb_date(value)
+
+    @model_validator(mode="after")
+    def _said_in_one_way(self) -> Self:
+        if (self.closest_approach_s is None) == (self.closest_approach is None):
+            raise ValueError("closest_approach_s, closest_approach: give exactly one of them")
+        plane, by_phase = ("longitude_deg", "latitude_deg", "b_t_m", "b_r_m"), ("distance_m", "phase")
+        given = {key for key in (*plane, *by_phase) if getattr(self, key) is not None}
+        if given not in (set(plane), set(by_phase)):
+            raise ValueError(
+                f"{', '.join(sorted(given)) or 'nothing'}: must be {', '.join(plane)}, or {' and '.join(by_phase)}"
+            )
+        return self
+
+    def closest_after(self, epoch: str) -> float:
+        """When the closest approach is past an epoch in TDB [s]."""
+        if self.closest_approach is None:
+            assert self.closest_approach_s is not None  # one of both is given
+            return self.closest_approach_s
+        return (epoch_of(self.closest_approach) - epoch_of(epoch)) / SECOND
+
+    @property
+    def miss_m(self) -> float:
+        """Distance at which it passes, on a straight line [m]."""
+        return self.distance_m or hypot(self.b_t_m or 0.0, self.b_r_m or 0.0)
 
 
 class OrbitalState(Section):
@@ -82,30 +190,36 @@ class OrbitalState(Section):
 
 
 class PathOfFile(Section):
-    """The mothership's path by a file of another program."""
+    """A path by a file of another program."""
 
     oem: str | None = Field(
         None,
-        description="path of a CCSDS OEM in KVN relative to the body's centre, relative to the scenario's file; null: by spk",
+        description="path of a CCSDS OEM in KVN relative to the body's centre, relative to the scenario's file; null: by "
+        "another file",
     )
     spk: str | None = Field(
         None,
         description="path of a SPICE SPK (extra `spice`), relative to the scenario's file, loaded after "
-        "ephemerides.kernels; null: by oem",
+        "ephemerides.kernels; null: by another file",
+    )
+    horizons: str | None = Field(
+        None,
+        description="path of a table of vectors as JPL Horizons writes it, relative to the scenario's file: ephemeris type "
+        "VECTORS, of the spacecraft, its centre the body; null: by another file",
     )
     target: str | None = Field(
-        None, max_length=36, description="SPICE's name or number of the mothership in the SPK; null with an OEM"
+        None, max_length=36, description="SPICE's name or number of the spacecraft in the SPK; null with other files"
     )
 
     @model_validator(mode="after")
     def _one_file(self) -> Self:
-        if (self.oem is None) == (self.spk is None):
-            raise ValueError("oem, spk: give exactly one of them")
+        if sum(getattr(self, key) is not None for key in FILES) != 1:
+            raise ValueError(f"{', '.join(FILES)}: give exactly one of them")
         if (self.spk is None) != (self.target is None):
             raise ValueError(
-                "target: an SPK needs the name or number of the mothership in it"
-                if self.oem is None
-                else f"target = {self.target}: an OEM holds one spacecraft; leave it out"
+                f"target = {self.target}: only an SPK holds several spacecraft; leave it out"
+                if self.spk is None
+                else "target: an SPK needs the name or number of the spacecraft in it"
             )
         return self
 
@@ -191,3 +305,39 @@ class Mothership(Section):
     def way(self) -> str:
         """Key by which it comes: position_A_m, approach, elements or ephemeris."""
         return next((key for key in WAYS if getattr(self, key) is not None), "position_A_m")
+
+
+class Cartesian(Section):
+    """Position and velocity relative to the body's centre, at the epoch."""
+
+    position_m: Vector3 = Field(description="along the axes [m]")
+    velocity_m_s: Vector3 = Field(description="along the axes [m/s]")
+    axes: Axes = Field("ecliptic", description=_AXES)
+
+
+class KnownState(Section):
+    """How a spacecraft comes that is on its way already: by exactly one of approach, elements, ephemeris and state."""
+
+    approach: Approach | None = Field(None, description="a hyperbola, as of the mothership")
+    elements: OrbitalState | None = Field(None, description="Keplerian elements about the body")
+    ephemeris: PathOfFile | None = Field(None, description="an OEM, an SPK or a table of JPL Horizons")
+    state: Cartesian | None = Field(None, description="position and velocity at the epoch")
+    arrival_s: float | None = Field(
+        None,
+        gt=0,
+        le=30 * 86_400.0,
+        description="time past the epoch that counts as its arrival, brought to the next sample of the telemetry [s]; null: the "
+        "closest approach of approach; must be given without one",
+    )
+
+    @model_validator(mode="after")
+    def _comes_one_way(self) -> Self:
+        if len(given := [key for key in (*WAYS, "state") if getattr(self, key) is not None]) != 1:
+            raise ValueError(
+                f"approach, elements, ephemeris, state: give exactly one of them, not {' and '.join(given) or 'none'}"
+            )
+        if self.arrival_s is None and self.approach is None:
+            raise ValueError(
+                f"arrival_s: must be given with {given[0]}: when it is nearest to the body, past the epoch [s]"
+            )
+        return self

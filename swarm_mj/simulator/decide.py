@@ -8,13 +8,15 @@ from __future__ import annotations
 import numpy as np
 
 from swarm_mj.compilation import allocation_free
-from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.simulator.slots import Peak, Resting, Slot
 from swarm_mj.smallbody.perturbations import gradient_torque_on
 from swarm_mj.spacecraft.attitude.algebra import (
     combine,
     conjugate,
     cross,
+    product,
+    put_quaternion,
     put_vector,
     quaternion,
     rotate,
@@ -22,6 +24,7 @@ from swarm_mj.spacecraft.attitude.algebra import (
     times,
     vector,
 )
+from swarm_mj.spacecraft.attitude.guidance import Aiming
 from swarm_mj.spacecraft.wheels import limited
 from swarm_mj.typing import Array, Ints, Mask
 
@@ -196,6 +199,32 @@ def locate_targets(
         put_vector(work[Slot.RHO], j, rho)
         put_vector(work[Slot.RHO_DOT], j, rho_dot)
         put_vector(work[Slot.RHO_DDOT], j, rho_ddot)
+
+
+@allocation_free
+def mount_bases(aiming: Aiming, kind: Ints, restart: Mask, q_BN: Array, q_RN: Array) -> None:
+    """Turn the attitudes that guidance begins with into those of cameras, of spacecraft that look at the body.
+
+    Args:
+        aiming: How the camera is mounted.
+        kind: `TargetKind` values, shape (n,).
+        restart: Who begins with the body attitude, shape (n,).
+        q_BN: Body attitudes, shape (n, 4).
+        q_RN: References so far, with which the others begin; replaced, shape (n, 4).
+    """
+    q_BC = aiming.q_BC[0], aiming.q_BC[1], aiming.q_BC[2], aiming.q_BC[3]
+    for j in range(kind.shape[0]):
+        base = quaternion(q_BN, j) if restart[j] else quaternion(q_RN, j)
+        put_quaternion(q_RN, j, product(base, q_BC) if looks_at_body(kind[j]) else base)
+
+
+@allocation_free
+def unmount_references(aiming: Aiming, kind: Ints, q_RN: Array) -> None:
+    """Turn references of cameras back into those of the spacecraft that carry them; args as of `mount_bases`."""
+    q_CB = aiming.q_BC[0], -aiming.q_BC[1], -aiming.q_BC[2], -aiming.q_BC[3]
+    for j in range(kind.shape[0]):
+        if looks_at_body(kind[j]):
+            put_quaternion(q_RN, j, product(quaternion(q_RN, j), q_CB))
 
 
 @allocation_free

@@ -17,6 +17,7 @@ from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.gravity.compiled import POLYHEDRON, compiled_field
 from swarm_mj.smallbody.gravity.point_mass import PointMass
 from swarm_mj.smallbody.gravity.polyhedron import CELL_NUMBERS
+from swarm_mj.spacecraft.attitude.guidance import PLAIN, Aiming
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
 from swarm_mj.spacecraft.control.compiled import CompiledController, CompiledLaw, LawFunction, compile_law, numbers_of
 from swarm_mj.spacecraft.model import SwarmModel
@@ -40,6 +41,7 @@ class FlightSetup:
     fault_model: FaultModel | None = None  #: what may go wrong; None: nothing, all is as planned
     #: whether turns to new targets go by the minimum-time profile, see `Slews`, and not by the law's gains
     minimum_time_slews: bool = False
+    aiming: Aiming = PLAIN  #: how spacecraft are turned to their lines of sight
 
     @property
     def properties(self) -> SpacecraftProperties:
@@ -103,6 +105,7 @@ def make_world(setup: FlightSetup, environment: Environment, remembered: int) ->
         max_speed=float((1.0 - SPEED_MARGIN) * properties.max_wheel_speed),
         asks=0,
         law_numbers=np.zeros(0),
+        aiming=setup.aiming,
     )
 
 

@@ -14,6 +14,7 @@ from swarm_mj.simulator.wheel_drive import WheelState
 from swarm_mj.smallbody.gravity.compiled import CompiledField
 from swarm_mj.smallbody.perturbations import Sunlight
 from swarm_mj.spacecraft.attitude.estimation import AttitudeKnowledge
+from swarm_mj.spacecraft.attitude.guidance import Aiming
 from swarm_mj.typing import Array, Ints, Mask
 
 #: A tick that no flight reaches.
@@ -50,6 +51,7 @@ class World(NamedTuple):
     max_speed: float  #: at which motors stop to accelerate a wheel, a little below its limit [rad/s]
     asks: int  #: what Python does in every period, a sum of `Ask` members
     law_numbers: Array  #: parameters of the control law
+    aiming: Aiming  #: how spacecraft are turned to their lines of sight
 
 
 class Flights(NamedTuple):

@@ -21,8 +21,10 @@ from swarm_mj.simulator.decide import (
     lie_or_stay,
     locate_targets,
     mark_new_targets,
+    mount_bases,
     read_motion,
     read_rotation,
+    unmount_references,
 )
 from swarm_mj.simulator.flights import Flights, World
 from swarm_mj.simulator.kernel import move, turn_gyrostats
@@ -35,8 +37,10 @@ from swarm_mj.spacecraft.attitude.estimation import AttitudeKnowledge, Count, Fi
 from swarm_mj.spacecraft.attitude.guidance import (
     LineOfSight,
     Reference,
+    Towards,
     TrackingError,
     attitude_error,
+    roll_references,
     track_line_of_sight,
 )
 from swarm_mj.typing import Array, Ints, Mask
@@ -257,7 +261,18 @@ def _guide(world: World, flights: Flights, conditions: Any, e: int) -> bool:
     sight = LineOfSight(work[Slot.RHO], work[Slot.RHO_DOT], work[Slot.RHO_DDOT])
     reference = Reference(flights.q_RN[e], work[Slot.OMEGA_R], work[Slot.DOMEGA_R], work[Slot.LOS])
     error = TrackingError(work[Slot.SIGMA_BR], work[Slot.OMEGA_BR], work[Slot.OMEGA_R_B], work[Slot.DOMEGA_R_B])
-    track_line_of_sight(sight, q_known, restart, reference)
+    aiming = world.aiming
+    if aiming.mounted:
+        mount_bases(aiming, kind, restart, q_known, reference.q_RN)
+        track_line_of_sight(sight, reference.q_RN, restart, reference)
+        unmount_references(aiming, kind, reference.q_RN)
+    else:
+        track_line_of_sight(sight, q_known, restart, reference)
+    if aiming.towards != Towards.NOTHING:
+        sun_N = work[Slot.OMEGA_R_B, 0]  # free until the errors are written
+        for k in range(3):
+            sun_N[k] = world.sun_N[k] + t * world.sun_velocity_N[k]
+        roll_references(aiming, sun_N, earth_N, work[Slot.R], work[Slot.V], work[Slot.A], sight, reference)
     attitude_error(q_known, work[Slot.OMEGA], reference, error)
     return True
 

@@ -18,9 +18,11 @@ from scipy.spatial.transform import Rotation
 
 from swarm_mj.io.arrays import Declared
 from swarm_mj.io.netcdf import read_netcdf
+from swarm_mj.mission.behaviors import looks_at_body
 from swarm_mj.simulator.simulation import FlightSamples
 from swarm_mj.smallbody.environment import Environment
-from swarm_mj.spacecraft.attitude.guidance import pointing_error
+from swarm_mj.spacecraft.attitude.algebra import product
+from swarm_mj.spacecraft.attitude.guidance import PLAIN, Aiming, pointing_error
 from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion, subtract_mrp
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array, Mask
@@ -149,7 +151,11 @@ LATER = ("link_closed", "released", "coverage_percent", *_COORDINATES)
 
 
 def dataset(
-    record: FlightSamples, names: tuple[str, ...], environment: Environment, properties: SpacecraftProperties
+    record: FlightSamples,
+    names: tuple[str, ...],
+    environment: Environment,
+    properties: SpacecraftProperties,
+    aiming: Aiming = PLAIN,
 ) -> xr.Dataset:
     """Name and describe the samples of a flight.
 
@@ -158,6 +164,7 @@ def dataset(
         names: Spacecraft names in gene order.
         environment: For the asteroid's attitude and the attributes.
         properties: For the attributes: mass, inertia, wheels.
+        aiming: How spacecraft are turned to their lines of sight.
     """
     values = dict(record.samples)
     q_BN, q_RN = values.pop("q_BN"), values.pop("q_RN")
@@ -165,7 +172,7 @@ def dataset(
     if record.sensors_err:  # what was recorded is what the controller believed
         values["sigma_BR"] = subtract_mrp(values["sigma_BN"], values["sigma_RN"])
     values |= {
-        "pointing_error": _pointing_error(q_BN, values["line_of_sight_N"]),
+        "pointing_error": _pointing_error(q_BN, values["line_of_sight_N"], values["mode"], aiming),
         "sigma_AN": _asteroid_mrp(record.time, environment),
         **dict(zip(PEAKS, record.peaks.T, strict=True)),
     }
@@ -204,7 +211,10 @@ def read_telemetry(path: Path, sizes: Mapping[str, int] | None = None) -> xr.Dat
     return read_netcdf(path, {**_COORDINATES, **VARIABLES}, ATTRIBUTES, REMEDY, sizes={"xyz": 3, **(sizes or {})})
 
 
-def _pointing_error(q_BN: Array, los: Array) -> Array:
+def _pointing_error(q_BN: Array, los: Array, mode: Array, aiming: Aiming) -> Array:
+    if aiming.mounted:
+        turned = np.stack(product(tuple(np.moveaxis(q_BN, -1, 0)), tuple(aiming.q_BC)), axis=-1)
+        q_BN = np.where(looks_at_body(mode)[..., None], turned, q_BN)
     flat = pointing_error(np.ascontiguousarray(q_BN.reshape(-1, 4)), np.ascontiguousarray(los.reshape(-1, 3)))
     return flat.reshape(q_BN.shape[:2])
 

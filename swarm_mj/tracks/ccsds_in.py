@@ -13,12 +13,12 @@ from typing import Final
 
 import numpy as np
 
+from swarm_mj.io.times import SYSTEMS, instant
 from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion, quaternions, steady
 from swarm_mj.tracks.frames import FROM_N, from_N
 from swarm_mj.tracks.interpolation import MAX_DEGREE
 from swarm_mj.tracks.kvn import Message, Segment, read_message
-from swarm_mj.tracks.times import SYSTEMS, instant
 from swarm_mj.tracks.track import Stretch, Track
 from swarm_mj.typing import Array, Ints
 

@@ -19,9 +19,9 @@ from benchmarks.agreement.flights import MISSIONS, fly, utc_of  # noqa: E402
 from benchmarks.agreement.job import Job  # noqa: E402
 from benchmarks.agreement.page import page  # noqa: E402
 from benchmarks.agreement.programs import PROGRAMS, ask, installed  # noqa: E402
+from swarm_mj.io.times import instant  # noqa: E402
 from swarm_mj.smallbody.gravity import SphericalHarmonics  # noqa: E402
 from swarm_mj.smallbody.rotation import Rotation  # noqa: E402
-from swarm_mj.tracks.times import instant  # noqa: E402
 
 FIELD = SphericalHarmonics.eros_degree_2()
 TERMS = coefficients.terms(FIELD.c, FIELD.s)

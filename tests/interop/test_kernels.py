@@ -5,11 +5,11 @@ import pytest
 
 from swarm_mj.errors import InteropError
 from swarm_mj.interop.kernels import rotation_constants
+from swarm_mj.io import times
 from swarm_mj.io.spice import furnished
 from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.spacecraft.attitude.mrp import dcm
-from swarm_mj.tracks import times
 
 pytest.importorskip("spiceypy")
 MICRORADIAN = 1e-6

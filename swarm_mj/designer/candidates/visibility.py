@@ -401,7 +401,7 @@ def imaging_model_from(scenario: Scenario) -> ImagingModel:
     """The camera with which candidates are judged; any rotation of a square sees what its inscribed cone sees."""
     camera = camera_from(scenario)
     if scenario.designer.any_roll:
-        camera = replace(camera, shape="cone")
+        camera = camera.inscribed_cone
     observation = scenario.observation
     return ImagingModel(
         camera=camera,

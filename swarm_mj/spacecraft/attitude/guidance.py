@@ -7,10 +7,14 @@ sight (parallel transport). With the unit vector l on the line of sight this giv
 
     omega_RN = l x l_dot,    d omega_RN / dt = l x l_ddot.
 
+A second axis of the body may fix that rotation instead, see `roll_references`, and a camera that is mounted otherwise may
+take the place of +z, see `swarm_mj.simulator.decide.mount_bases`.
+
 Everything is compiled, loops over spacecraft and writes into arrays of the caller. See docs/theory/attitude_control.md.
 """
 
-from math import atan2, sqrt
+from enum import IntEnum
+from math import atan2, cos, sin, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -40,6 +44,35 @@ from swarm_mj.typing import Array, Mask
 COINCIDENCE_DISTANCE: Final = 1.0
 #: Below this |z + l| (0.01 microradian from opposite) the axis of the shortest rotation is taken as undefined.
 _OPPOSITE: Final = 1e-8
+
+
+#: Sine of the angle between line of sight and direction below which the direction says nothing of the second axis: 5.7 deg.
+LEAST_SINE: Final = 0.1
+
+
+class Towards(IntEnum):
+    """What a second axis turns to."""
+
+    NOTHING = 0  #: the rotation about the line of sight is the shortest one
+    SUN = 1
+    EARTH = 2
+    VELOCITY = 3  #: of the spacecraft in N
+    DIRECTION = 4  #: fixed in N
+    ORBIT_NORMAL = 5  #: r x v in N
+
+
+class Aiming(NamedTuple):
+    """How spacecraft are turned to a line of sight, beyond +z on it."""
+
+    q_BC: Array  #: from components in the camera's frame C to components in B (w, x, y, z), shape (4,)
+    mounted: bool  #: whether C is another frame than B, so that not +z but the camera looks at the body
+    towards: int  #: `Towards` of the second axis
+    axis_B: Array  #: the second axis, shape (3,)
+    direction_N: Array  #: where towards is DIRECTION, of length 1, shape (3,)
+
+
+#: +z on the line of sight, by the shortest turn.
+PLAIN: Final = Aiming(np.array([1.0, 0.0, 0.0, 0.0]), False, int(Towards.NOTHING), np.zeros(3), np.zeros(3))
 
 
 class LineOfSight(NamedTuple):
@@ -90,6 +123,87 @@ def track_line_of_sight(sight: LineOfSight, q_BN: Array, restart: Mask, referenc
         put_vector(reference.omega_RN_N, i, omega)
         put_vector(reference.domega_RN_N, i, domega)
         put_vector(reference.los_N, i, los)
+
+
+@allocation_free
+def roll_references(
+    aiming: Aiming,
+    sun_N: Array,
+    earth_N: Array,
+    r_N: Array,
+    v_N: Array,
+    a_N: Array,
+    sight: LineOfSight,
+    reference: Reference,
+) -> None:
+    """Turn references about their lines of sight, so that the second axis lies as near to its direction as it can.
+
+    With the unit vector d along that direction, s = |d - (d.l) l|, y = (d - (d.l) l) / s and x = y x l, the part of the second
+    axis across l lies on y, and the reference turns about l at omega.l = ((d.l) (l_dot.x) - d_dot.x) / s. Where s is below
+    `LEAST_SINE`, the direction says nothing, and the reference is carried on as without a second axis. The turns of the
+    directions to Sun and Earth (1e-7 rad/s) are left out of the rate.
+
+    Args:
+        aiming: Axis and direction.
+        sun_N: Position of the Sun relative to the body, shape (3,) [m].
+        earth_N: The same of Earth.
+        r_N: Positions, shape (n, 3) [m].
+        v_N: Velocities, shape (n, 3) [m/s].
+        a_N: Accelerations, shape (n, 3) [m/s^2].
+        sight: Where the targets are.
+        reference: Is turned.
+    """
+    none = (0.0, 0.0, 0.0)
+    for i in range(v_N.shape[0]):
+        rho = vector(sight.rho_N, i)
+        if dot(rho, rho) < COINCIDENCE_DISTANCE * COINCIDENCE_DISTANCE:
+            continue
+        d, d_dot = (aiming.direction_N[0], aiming.direction_N[1], aiming.direction_N[2]), none
+        if aiming.towards == Towards.SUN:
+            d = sun_N[0], sun_N[1], sun_N[2]
+        elif aiming.towards == Towards.EARTH:
+            d = earth_N[0], earth_N[1], earth_N[2]
+        elif aiming.towards == Towards.VELOCITY:
+            d, d_dot = vector(v_N, i), vector(a_N, i)
+        elif aiming.towards == Towards.ORBIT_NORMAL:  # which a central force leaves where it is
+            d = cross(vector(r_N, i), vector(v_N, i))
+        length = sqrt(dot(d, d))
+        if length == 0.0:
+            continue
+        d = scaled(1.0 / length, d)
+        d_dot = scaled(1.0 / length, combine(1.0, d_dot, -dot(d_dot, d), d))
+        q, los = quaternion(reference.q_RN, i), vector(reference.los_N, i)
+        axis_B = aiming.axis_B[0], aiming.axis_B[1], aiming.axis_B[2]
+        omega, domega = vector(reference.omega_RN_N, i), vector(reference.domega_RN_N, i)
+        q, omega, domega = _rolled(q, omega, domega, los, rotate(q, axis_B), d, d_dot)
+        put_quaternion(reference.q_RN, i, q)
+        put_vector(reference.omega_RN_N, i, omega)
+        put_vector(reference.domega_RN_N, i, domega)
+
+
+@jittable
+def _rolled(
+    q: Quaternion, omega: Vector, domega: Vector, los: Vector, axis: Vector, d: Vector, d_dot: Vector
+) -> tuple[Quaternion, Vector, Vector]:
+    """A reference without rate about the line of sight, turned about it: `axis` towards d, both in N, see `roll_references`."""
+    c = dot(d, los)
+    across = combine(1.0, d, -c, los)
+    s = sqrt(dot(across, across))
+    if s < LEAST_SINE:
+        return q, omega, domega
+    y = scaled(1.0 / s, across)
+    x = cross(y, los)
+    half = 0.5 * atan2(-dot(axis, x), dot(axis, y))
+    turned = normalised(product((cos(half), -sin(half) * los[0], -sin(half) * los[1], -sin(half) * los[2]), q))
+    los_dot, los_ddot = cross(omega, los), cross(domega, los)  # the latter less its part along los
+    g, c_dot = dot(los_dot, x), dot(d_dot, los) + dot(d, los_dot)
+    rate = (c * g - dot(d_dot, x)) / s
+    whole = combine(1.0, omega, rate, los)
+    g_dot = dot(los_ddot, x) + dot(los_dot, cross(whole, x))
+    s_dot = -c * c_dot / s
+    rate_dot = (c_dot * g + c * g_dot) / s - rate * s_dot / s
+    change = combine(rate_dot, los, rate, los_dot)
+    return turned, whole, combine(1.0, domega, 1.0, change)
 
 
 @allocation_free

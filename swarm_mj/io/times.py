@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from datetime import date, timedelta
+from datetime import UTC, date, datetime, timedelta
 from functools import cache
 from math import sin
-from typing import Final
-
-from swarm_mj.smallbody.ephemeris import ephemeris_time
+from typing import Any, Final
 
 SECOND: Final = 10**9
 DAY: Final = 86_400 * SECOND
@@ -102,7 +100,7 @@ def tai_minus_utc(day: date) -> int:
     days = list(leap_seconds())
     count = bisect_right(days, day)
     if not count:
-        raise ValueError(f"UTC of {day} has no whole leap seconds, which began in 1972; write the file in TDB")
+        raise ValueError(f"UTC of {day} has no whole leap seconds, which began in 1972; give it in TDB")
     return leap_seconds()[days[count - 1]]
 
 
@@ -117,8 +115,39 @@ def text_of(ns: int) -> str:
 
 
 def epoch_of(text: str) -> int:
-    """The scenario's epoch, a TDB date and time, in nanoseconds past J2000; to the microsecond."""
-    return round(ephemeris_time(text) * 1_000_000) * 1000
+    """A scenario's date and time in TDB, in nanoseconds past J2000."""
+    return instant(text, "TDB")
+
+
+def tdb_date(value: Any) -> str:
+    """Date and time in TDB, ISO 8601 to the microsecond, of one that a scenario gives.
+
+    Args:
+        value: A text such as 2018-01-15T00:00:00, or what YAML makes of it, in TDB; or in UTC, which a trailing Z, another
+            offset from UTC, or the word UTC says.
+
+    Raises:
+        ValueError: It is none, or in UTC before 1972.
+    """
+    moment = value
+    if isinstance(value, str):
+        words = value.strip()
+        try:
+            moment = datetime.fromisoformat(words.removesuffix("UTC").rstrip() + "Z" * words.endswith("UTC"))
+        except ValueError:
+            moment = None
+    if not isinstance(moment, datetime):
+        raise ValueError(
+            f"= {value!r}: must be a date and time in TDB, like 2018-01-15T00:00:00, or in UTC, like 2018-01-15T00:00:00Z"
+        )
+    if moment.tzinfo is None:
+        return moment.isoformat()
+    utc = moment.astimezone(UTC).replace(tzinfo=None)
+    try:
+        found = instant(f"{utc.isoformat()}Z", "UTC")
+    except ValueError as error:
+        raise ValueError(f"= {value!r}: {error}") from None
+    return (datetime(2000, 1, 1, 12) + timedelta(microseconds=round(found / 1000))).isoformat()
 
 
 def seconds(ns: int) -> float:
