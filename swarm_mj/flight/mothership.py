@@ -35,7 +35,7 @@ from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
 from swarm_mj.tracks.ccsds_in import read_oem
-from swarm_mj.tracks.frames import C_EN
+from swarm_mj.tracks.frames import C_EN, axes_of_pole
 from swarm_mj.tracks.times import epoch_of, text_of
 from swarm_mj.typing import Array
 
@@ -77,16 +77,7 @@ def mothership_state(scenario: Scenario, environment: Environment) -> Mothership
 
 def axes_in_N(name: str, environment: Environment) -> Array:
     """Axes by their name in a scenario: the rows are their unit vectors x, y, z in N, shape (3, 3)."""
-    if name == "ecliptic":
-        return np.eye(3)
-    if name == "equatorial":
-        return C_EN
-    pole = environment.C_PN[2]
-    node = np.cross(C_EN[2], pole)
-    # The node has no direction where the body's equator is that of EME2000: the equinox then.
-    node = C_EN[0] - (C_EN[0] @ pole) * pole if np.linalg.norm(node) < 1e-9 else node
-    node = node / np.linalg.norm(node)
-    return np.stack([node, np.cross(pole, node), pole])
+    return axes_of_pole(name, environment.C_PN[2])
 
 
 def check_approach(scenario: Scenario, shape: ShapeModel, environment: Environment, state: MothershipState) -> None:

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from swarm_mj.scenarios.bodies import expanded_body, packaged_bodies
-from swarm_mj.scenarios.schema_body import Body, Ephemerides, Perturbations
+from swarm_mj.scenarios.schema_body import Body, Companion, Ephemerides, Perturbations
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
 from swarm_mj.scenarios.schema_imaging import Camera, Observation
 from swarm_mj.scenarios.schema_itinerary import Aim, Design
@@ -353,6 +353,9 @@ class Scenario(Section):
     )
     body: Annotated[Body, BeforeValidator(expanded_body, json_schema_input_type=Body | str)] = Field(
         default_factory=Body, description=f"its keys, or the name of a packaged body: {', '.join(packaged_bodies())}"
+    )
+    companion: Companion | None = Field(
+        None, description="one more body, of a binary asteroid; null: none; docs/how-to/binaries.md"
     )
     ephemerides: Ephemerides = Field(default_factory=Ephemerides)
     perturbations: Perturbations = Field(default_factory=Perturbations)

@@ -6,14 +6,8 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from swarm_mj.scenarios.section import Section, Vector3
+from swarm_mj.scenarios.section import AXES, Axes, Section, Vector3
 
-#: Axes in which angles are given; z is the pole of the B-plane.
-Axes = Literal["ecliptic", "equatorial", "body_equator"]
-_AXES = (
-    "ecliptic: N, ecliptic and equinox of J2000; equatorial: EME2000, where longitude and latitude are right ascension and "
-    "declination; body_equator: z along the body's pole, x along the ascending node of its equator on that of EME2000"
-)
 #: Keys that say where it comes from instead of position and velocity.
 WAYS = ("approach", "elements", "ephemeris")
 _GM = "of the two-body orbit that gives the state at the epoch [m^3/s^2]; null: the gravity field's own"
@@ -25,7 +19,7 @@ class Approach(Section):
     v_infinity_m_s: float = Field(gt=0, le=1e5, description="speed on the incoming asymptote [m/s]")
     longitude_deg: float = Field(ge=-360, le=360, description="of the direction in which the mothership comes in [deg]")
     latitude_deg: float = Field(ge=-90, le=90, description="of that direction [deg]")
-    axes: Axes = Field("ecliptic", description=f"of the two angles, and whose z is the pole of the B-plane; {_AXES}")
+    axes: Axes = Field("ecliptic", description=f"of the two angles, and whose z is the pole of the B-plane; {AXES}")
     b_t_m: float = Field(
         ge=-1e12,
         le=1e12,
@@ -61,7 +55,7 @@ class OrbitalState(Section):
         le=1e9,
         description="at the epoch [deg], of a hyperbola e sinh H - H; null: by true_anomaly_deg",
     )
-    axes: Axes = Field("ecliptic", description=f"of the angles; {_AXES}")
+    axes: Axes = Field("ecliptic", description=f"of the angles; {AXES}")
     gm_m3_s2: float | None = Field(None, gt=0, le=1e22, description=_GM)
 
     @model_validator(mode="after")
