@@ -44,6 +44,7 @@ def coordinated(behavior: Behavior, scenario: Scenario) -> Behavior:
     """
     if (swarm := scenario.swarm) is None:
         return behavior
+    refuse_companion(scenario, "a swarm that coordinates in flight (swarm)")
     parts, election = parts_chosen(swarm), scenario.data.election
     if acts_alone(swarm) and election != "flight":
         why = (
