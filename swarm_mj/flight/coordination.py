@@ -17,6 +17,7 @@ from swarm_mj.coordination.graph import Graph, graph_at
 from swarm_mj.dataflow.contacts import Contacts, Instant, radios_from
 from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import MissionError
+from swarm_mj.flight.companion import refuse_companion
 from swarm_mj.flight.encounter_table import alone, encounter_of, together, track_of
 from swarm_mj.flight.observe import observer_from
 from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior, SwarmView, TargetKind, Targets
