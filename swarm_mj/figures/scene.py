@@ -183,7 +183,8 @@ def framed(plan: Plan, scene: Scene, k: int, *, onwards: bool = False) -> tuple[
         Points that the picture holds, shape (n, 3) [m], and the samples of the path that it holds, in order.
     """
     inside = np.vstack((plan.region.corners_A.reshape(-1, 3), scene.r_A[k]))
-    body = np.vstack((inside, plan.region.mesh.vertices))
+    beside = [] if scene.companion_A is None else [scene.companion_A(k).vertices]
+    body = np.vstack((inside, plan.region.mesh.vertices, *beside))
     if _extent(body) <= WIDER * _extent(inside):
         inside = body
     limit, held = WIDER * _extent(inside), [k]
