@@ -154,9 +154,7 @@ def find_contacts(
     )
 
 
-def _take_away(
-    radios: Radios, body: Occluder, now: Instant, station: int, rate: Array, why: NDArray[np.int8]
-) -> None:
+def _take_away(radios: Radios, body: Occluder, now: Instant, station: int, rate: Array, why: NDArray[np.int8]) -> None:
     """Take the links away that one more body stands between; arguments as of `link_rates`."""
     other_rate, other_why = np.zeros_like(rate), np.zeros_like(why)
     link_rates(radios, body, now, station, other_rate, other_why)

@@ -6,10 +6,10 @@ from math import radians, sqrt, tau
 
 import numpy as np
 
-from swarm_mj import plugins
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.scenarios.schema_body import Body, Companion as CompanionKeys, MutualOrbit, MutualPath
+from swarm_mj.scenarios.schema_body import Body, MutualOrbit, MutualPath
+from swarm_mj.scenarios.schema_body import Companion as CompanionKeys
 from swarm_mj.smallbody.companion import KeplerianPath, RelativePath, SampledPath
 from swarm_mj.smallbody.ephemeris import ephemeris_time, perifocal_axes
 from swarm_mj.smallbody.kernel_ephemeris import KernelEphemeris

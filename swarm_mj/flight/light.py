@@ -55,7 +55,7 @@ def lit_sometime(
             max_incidence_deg=max_incidence_deg,
             tracer=tracer,
             among=left,
-            shade=screen and screen.at(t),
+            shade=None if screen is None else screen.at(t),
         )
         found |= now
         left &= ~now

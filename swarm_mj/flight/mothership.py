@@ -35,7 +35,7 @@ from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
 from swarm_mj.tracks.ccsds_in import read_oem
-from swarm_mj.tracks.frames import C_EN, axes_of_pole
+from swarm_mj.tracks.frames import axes_of_pole
 from swarm_mj.tracks.times import epoch_of, text_of
 from swarm_mj.typing import Array
 

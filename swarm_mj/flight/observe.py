@@ -184,7 +184,15 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
                 progress(images)
         for picture in flight_pictures(plan, telemetry, camera_on=False):
             if not arrival_only or picture.t == arrivals_s[picture.spacecraft]:
-                would = observe(observer, picture.r_A, picture.C_CA, criterion, picture.sun_A, picture.motion, light.shade_at(picture.t))
+                would = observe(
+                    observer,
+                    picture.r_A,
+                    picture.C_CA,
+                    criterion,
+                    picture.sun_A,
+                    picture.motion,
+                    light.shade_at(picture.t),
+                )
                 why[would & (why != Cause.NONE)] = Cause.CAMERA_OFF
         if criterion.needs_sun:
             ticks = schedule_from(scenario, scenario.telemetry.interval_s).ticks(telemetry.sizes["time"] - 1)

@@ -216,6 +216,9 @@ def check_plugins(scenario: Scenario) -> None:
     unchecked_behavior(scenario)
     with plugins.named("body.gravity.model"):
         plugins.find(plugins.GRAVITY, scenario.body.gravity.model)
+    if scenario.companion is not None:
+        with plugins.named("companion.body.gravity.model"):
+            plugins.find(plugins.GRAVITY, scenario.companion.body.gravity.model)
 
 
 def controller_from(scenario: Scenario) -> Controller:
@@ -306,9 +309,13 @@ def _check_flight(
 
 def _refuse_companion_hits(companion: Companion, times: Array, r_N: Array) -> None:
     """Raise a PathError that names who hits the companion; positions at some times, shape (t, n, 3) [m]."""
-    r_A = np.array([(r - companion.position(t)) @ companion.C_AN(t).T for t, r in zip(times.tolist(), r_N, strict=True)])
+    r_A = np.array(
+        [(r - companion.position(t)) @ companion.C_AN(t).T for t, r in zip(times.tolist(), r_N, strict=True)]
+    )
     if impacts := find_impacts(companion.shape, times, r_A):
-        told = "; ".join(f"sc{i.spacecraft + 1} hits {companion.name} at t = {i.time:g} s" for i in impacts[:SHOWN_IMPACTS])
+        told = "; ".join(
+            f"sc{i.spacecraft + 1} hits {companion.name} at t = {i.time:g} s" for i in impacts[:SHOWN_IMPACTS]
+        )
         remedy = "change design.visiting_points, design.time_of_flight_s, the epoch or companion.orbit"
         raise PathError(f"{told}; {remedy}", f"hitting {companion.name}", [impact.spacecraft for impact in impacts])
 

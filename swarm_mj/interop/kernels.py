@@ -145,9 +145,7 @@ def _constants(
     return values
 
 
-def rotation_constants(
-    states: FlightStates, body: Environment | Companion | None = None
-) -> tuple[float, float, float]:
+def rotation_constants(states: FlightStates, body: Environment | Companion | None = None) -> tuple[float, float, float]:
     """Right ascension and declination of the pole and W at J2000 [deg] that give the flight's rotation C_AN in SPICE.
 
     Of the body; or of its companion.

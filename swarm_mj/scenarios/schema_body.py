@@ -109,8 +109,8 @@ class Body(Section):
 class MutualOrbit(Section):
     """Keplerian elements of the companion's path relative to the body's centre, at the epoch."""
 
-    semi_major_axis_m: float = Field(gt=0, le=1e9, description="[m]")
-    eccentricity: float = Field(0.0, ge=0, lt=1, description="[-]")
+    semi_major_axis_m: float = Field(gt=0, le=1e9, description="of the ellipse [m]")
+    eccentricity: float = Field(0.0, ge=0, lt=1, description="of the ellipse [-]")
     inclination_deg: float = Field(0.0, ge=0, le=180, description="to the plane x, y of the axes [deg]")
     node_deg: float = Field(0.0, ge=-360, le=360, description="longitude of the ascending node [deg]")
     argument_of_periapsis_deg: float = Field(0.0, ge=-360, le=360, description="from the node [deg]")
@@ -124,7 +124,9 @@ class MutualOrbit(Section):
 class MutualPath(Section):
     """The companion's path by a SPICE kernel of the user's, sampled over the flight."""
 
-    spk: str = Field(description="path of an SPK that holds both bodies (extra `spice`), relative to the scenario's file")
+    spk: str = Field(
+        description="path of an SPK that holds both bodies (extra `spice`), relative to the scenario's file"
+    )
     target: str = Field(max_length=36, description="SPICE's name or number of the companion in it")
     body: str | None = Field(None, max_length=36, description="of the body; null: by body.name")
 

@@ -1,7 +1,7 @@
-"""One more body, as of a binary asteroid: where it is, how it is turned, and how it pulls. N's origin stays the first body's centre.
+"""One more body, as of a binary asteroid: where it is, how it is turned, how it pulls.
 
-Its path is prescribed, relative to the first body: a Keplerian orbit, or samples of a file. N falls with the first body, so that
-of the companion's attraction that on the first body, taken as a point, is subtracted.
+N's origin stays the first body's centre, to which the path of the other is relative: a Keplerian orbit, or samples of a file. N
+falls with the first body, so of the companion's attraction that on the first body, taken as a point, is subtracted.
 """
 
 from __future__ import annotations

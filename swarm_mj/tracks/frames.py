@@ -12,7 +12,6 @@ import numpy as np
 
 from swarm_mj.errors import InteropError
 from swarm_mj.typing import Array
-from swarm_mj.typing import Array
 
 #: As SPICE has it [rad]; `constants.OBLIQUITY_J2000_DEG`, which turns poles, is rounded by 0.04 arcsec.
 OBLIQUITY: Final = 84_381.448 / 3600.0 * pi / 180.0

@@ -14,7 +14,9 @@ def test_every_public_name_is_there_and_documented():
 
 
 def test_an_unknown_name_is_told_what_there_is():
-    with pytest.raises(AttributeError, match="it offers .*campaign, compare_classes, design, design_sweeps, explain, fly, .*load"):
+    with pytest.raises(
+        AttributeError, match="it offers .*campaign, compare_classes, design, design_sweeps, explain, fly, .*load"
+    ):
         _ = sm.flly
 
 

@@ -35,8 +35,12 @@ def binary(folder, **changes):
 @pytest.mark.parametrize("stepper", ["kernel", "mujoco"])
 def test_the_flight_arrives_where_it_was_planned_beside_a_heavy_moon(tmp_path, stepper):
     # A moon a tenth as heavy: it moves the arrival by metres, and the flight knows all of it.
-    heavy = {"companion__body__gravity__parameters": {"gm": 3.6}, "physics__stepper": stepper, "design__imaging_altitude_m": 1500}
-    near = {"mothership__position_A_m": [-1500, -1240, -6000], "companion__orbit__mean_anomaly_deg": 250.0}
+    heavy = {"companion__body__gravity__parameters": {"gm": 3.6}, "physics__stepper": stepper}
+    near = {
+        "design__imaging_altitude_m": 1500,
+        "mothership__position_A_m": [-1500, -1240, -6000],
+        "companion__orbit__mean_anomaly_deg": 250.0,
+    }
     plan = make_plan(binary(tmp_path, **heavy, **near))
     telemetry = simulate(plan)
     assert arrival_miss_m(plan, telemetry).max() < 1e-4
@@ -77,7 +81,12 @@ def simulation_start(plan, r_N, v_N):
 
 def test_nobody_looks_for_impacts_on_the_moon_in_every_period(tmp_path):
     plan = make_plan(binary(tmp_path))
-    watch, companion, looks, period = CompanionWatch(plan.environment.companion, 0.5), plan.environment.companion, 0, 0.5
+    watch, companion, looks, period = (
+        CompanionWatch(plan.environment.companion, 0.5),
+        plan.environment.companion,
+        0,
+        0.5,
+    )
     for tick in range(2400):
         if tick >= watch.due:
             r = companion.position(tick * period) + [5.0, 3.0, 2000.0 - tick]

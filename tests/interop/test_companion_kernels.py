@@ -1,9 +1,10 @@
-"""SPICE's own occultations and eclipses, by the exported kernels of a binary with ellipsoids, against what pictures are judged by."""
+"""SPICE's own occultations and eclipses, by a binary's exported kernels with ellipsoids, against how pictures are judged."""
 
 import numpy as np
 import pytest
 
 import swarm_mj as sm
+from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.flight.observe import screen_of
 from swarm_mj.interop.states import FlightStates
 from tests.sample_missions.flights import mission
@@ -97,3 +98,15 @@ def test_occultations_begin_and_end_when_spice_says_so(binary, observer):
         flips = states.et[np.flatnonzero(np.diff(ours[:, column]))] + 0.5 * STEP_S
         assert len(flips) == len(inner)
         assert np.abs(flips - inner).max() <= 1.5 * STEP_S
+
+
+def test_a_companion_by_an_spk_is_where_the_elements_had_it(binary, tmp_path):
+    _, states = binary
+    path = {"spk": "swarm.bsp", "target": str(states.companion.code), "body": str(states.body.code)}
+    changes = {key: value for key, value in UNEVEN.items() if not key.startswith("companion.orbit")}
+    given = sm.load(mission("binary", tmp_path), changes | {"companion.orbit": None, "companion.ephemeris": path})
+    around = environment_from(given, load_body_shape(given.body))
+    for t in (0.0, 17.0, 700.0, 1200.0):
+        expected = states.plan.environment.companion.path.state(t)
+        assert around.companion.position(t) == pytest.approx(expected[0], abs=1e-3)
+        assert around.companion.path.state(t)[1] == pytest.approx(expected[1], abs=1e-4)

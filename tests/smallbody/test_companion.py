@@ -1,4 +1,4 @@
-"""A companion's path, rotation and pull, against both bodies and a spacecraft flown in inertial axes, and the Jacobi constant."""
+"""A companion's path, rotation and pull, against three bodies flown in inertial axes, and the Jacobi constant."""
 
 import numpy as np
 import pytest

@@ -306,7 +306,7 @@ class Judge:
         if id(flights) not in self._screens:
             self._screens[id(flights)] = screen_of(flights.plan.environment)
         screen = self._screens[id(flights)]
-        return screen and screen.at(float(flights.times[k]))
+        return None if screen is None else screen.at(float(flights.times[k]))
 
     def _share(self, share: Array, r_A: Array, shade: Shade | None) -> Array:
         return screened(share, self.observer, r_A, shade, whole=self.imaging_model.whole)
