@@ -40,6 +40,9 @@ def test_the_flight_arrives_where_it_was_planned_beside_a_heavy_moon(tmp_path, s
         "design__imaging_altitude_m": 1500,
         "mothership__position_A_m": [-1500, -1240, -6000],
         "companion__orbit__mean_anomaly_deg": 250.0,
+        # A quarter of a turn in the flight: A is not N.
+        "body__rotation__w_rate_deg_per_day": 10_800.0,
+        "body__rotation__w0_deg": 100.0,
     }
     plan = make_plan(binary(tmp_path, **heavy, **near))
     telemetry = simulate(plan)

@@ -2,17 +2,19 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import swarm_mj as sm
 from swarm_mj.flight.observe import camera_from, screen_of
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import camera_pose
 from swarm_mj.observation.capture import causes, lit
-from swarm_mj.observation.companion import Screen
+from swarm_mj.observation.companion import Screen, Shade
 from swarm_mj.observation.coverage import Cause
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.smallbody.occultation import segments_blocked
+from swarm_mj.smallbody.shape_harmonics import build_ellipsoid
 from tests.sample_missions.flights import mission
 
 RADIUS, MOON = 400.0, 90.0
@@ -77,6 +79,29 @@ def test_points_are_hidden_as_segments_to_the_camera_meet_the_moons_mesh(plan):
         assert blocked.any() <= shade.may_hide(r_A, RADIUS)
         found += blocked.sum()
     assert found > 10
+
+
+def test_only_what_lies_between_hides_even_right_beside_a_flat_moon():
+    """Cameras and points inside the sphere around its mesh, before and behind it."""
+    axes = np.array([110.0, 85.0, 60.0])
+    shape = build_ellipsoid(tuple(axes), "flat moon", 8)
+    turn = Rotation.from_euler("xyz", [0.3, -0.7, 1.1]).as_matrix()
+    centre, rng = np.array([500.0, 200.0, -100.0]), np.random.default_rng(3)
+    shade = Shade(RayTracer(shape.vertices, shape.faces), 110.0, centre, turn)
+
+    def near(count):
+        places = rng.uniform(-140.0, 140.0, (count, 3))
+        return places[((places / axes) ** 2).sum(axis=1) > 1.02]
+
+    ours, theirs = [], []
+    for camera in near(60):
+        points = near(200)
+        ends = np.broadcast_to(camera, points.shape)
+        theirs.append(segments_blocked(points, ends, shape.vertices, shape.faces, 110.0))
+        ours.append(shade.hides(points @ turn + centre, camera @ turn + centre))
+    found, expected = np.concatenate(ours), np.concatenate(theirs)
+    assert 0.1 < expected.mean() < 0.6
+    assert (found != expected).mean() < 2e-4  # single precision at an edge
 
 
 @pytest.mark.parametrize("kind", ["raycast", "faceid", "horizon"])
