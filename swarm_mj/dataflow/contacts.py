@@ -105,7 +105,13 @@ def samples_of(edges_s: Array, per_slot: int) -> Array:
 
 
 def find_contacts(
-    edges_s: Array, instants: Instants, *, radios: Radios, body: Occluder, heard: EarthSchedule
+    edges_s: Array,
+    instants: Instants,
+    *,
+    radios: Radios,
+    body: Occluder,
+    heard: EarthSchedule,
+    beside: tuple[Occluder, Instants] | None = None,
 ) -> Contacts:
     """Capacities of all links.
 
@@ -115,6 +121,7 @@ def find_contacts(
         radios: See `Radios`.
         body: The asteroid, which may stand in between.
         heard: By whom on Earth, at each instant.
+        beside: A companion, which may stand in between too, and the same instants as seen from its centre; None: none.
     """
     slots, n = len(edges_s) - 1, instants.works.shape[1]
     per_slot = len(instants.t) // slots
@@ -124,6 +131,8 @@ def find_contacts(
     for k in range(slots * per_slot):
         slot = k // per_slot
         link_rates(radios, body, instants.at(k), int(heard.station[k]), rate, why)
+        if beside is not None:
+            _take_away(radios, beside[0], beside[1].at(k), int(heard.station[k]), rate, why)
         duration = edges_s[slot + 1] - edges_s[slot]
         bit[slot] += duration / per_slot * rate
         peak[slot] = np.maximum(peak[slot], duration * rate)
@@ -143,6 +152,14 @@ def find_contacts(
         why_earth=obstacle[:, :, n].copy(),
         distance_m=np.linalg.norm(r_N[:, :, None] - r_N[:, None], axis=-1),
     )
+
+
+def _take_away(radios: Radios, body: Occluder, now: Instant, station: int, rate: Array, why: NDArray[np.int8]) -> None:
+    """Take the links away that one more body stands between; arguments as of `link_rates`."""
+    other_rate, other_why = np.zeros_like(rate), np.zeros_like(why)
+    link_rates(radios, body, now, station, other_rate, other_why)
+    blocked = (why == _NONE) & (other_why == int(Obstacle.BODY))
+    rate[blocked], why[blocked] = 0.0, int(Obstacle.BODY)
 
 
 @kernel

@@ -25,6 +25,7 @@ from swarm_mj.figures.scene import (
     Scene,
     axis_tips,
     best_view,
+    draw_bodies,
     enlarge_small_body,
     frame_at_rest,
     frame_words,
@@ -39,7 +40,6 @@ from swarm_mj.figures.view import (
     HIDDEN_ALPHA,
     KM,
     View,
-    draw_body,
     draw_line,
     draw_points,
     face_colours,
@@ -101,7 +101,7 @@ def _draw_instant(ax: Axes, plan: Plan, telemetry: xr.Dataset, seen: Mask, scene
     colours = face_colours(body, [(region.target, ORANGE), (region.target[seen], SKY_BLUE)])
     ax.set_anchor("N")
     draw_box(ax, view, box)
-    draw_body(ax, view, body, colours)
+    draw_bodies(ax, view, body, colours, scene, k)
     faint = 0.55 if plan.n <= MAX_NUMBERED else 0.3
     for j in range(plan.n):
         colour, marker = _colour_and_marker(scene, j, k)
@@ -238,7 +238,7 @@ def _draw_flight(ax: Axes, plan: Plan, scene: Scene) -> bool:
     after = np.unique(np.linspace(arrival, last, TRAIL_POINTS).astype(int))
     box, colours = box_around(inside), face_colours(mesh, [(region.target, ORANGE)])
     draw_box(ax, view, box)
-    draw_body(ax, view, mesh, colours)
+    draw_bodies(ax, view, mesh, colours, scene, arrival)
     width = 1.4 if plan.n <= MAX_NUMBERED else 0.5
     size = 6.5 if plan.n <= MAX_NUMBERED else 3.0
     for j in range(plan.n):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import degrees
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.figures.palette import BLACK, GREY
 from swarm_mj.figures.style import SMALL_PT
-from swarm_mj.figures.view import KM, View, draw_body, first_hits, unit, views_of, visible_share
+from swarm_mj.figures.view import KM, View, draw_body, face_colours, first_hits, unit, views_of, visible_share
 from swarm_mj.flight.fly import asteroid_attitudes
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind, looks_at_body
@@ -40,6 +40,7 @@ class Scene:
         z_A: Directions of +z, shape (t, n, 3).
         relays: Whether each spacecraft is a communications spacecraft then: sent as one, or pointing at Earth, shape (t, n).
         mode: What each tracks, or that it is lost, as `modes_shown` tells, shape (t, n).
+        companion_A: Mesh of the body's companion at each time, corners in the frame of the scene; None: there is none.
     """
 
     times: Array
@@ -48,6 +49,7 @@ class Scene:
     z_A: Array
     relays: Mask
     mode: NDArray[np.int8]
+    companion_A: Callable[[int], ShapeModel] | None = None
 
 
 def scene_from(plan: Plan, telemetry: xr.Dataset, *, at_rest: bool = False) -> Scene:
@@ -58,15 +60,32 @@ def scene_from(plan: Plan, telemetry: xr.Dataset, *, at_rest: bool = False) -> S
         at_arrival = plan.environment.C_AN(last_arrival_s(plan.scenario))
         turn, C_AN = C_AN @ at_arrival.T, np.broadcast_to(at_arrival, C_AN.shape)
     z_N = dcm(telemetry["sigma_BN"].values)[..., 2, :]
-    mode = modes_shown(telemetry)
+    mode, companion, times = modes_shown(telemetry), plan.environment.companion, telemetry["time"].values
+
+    def moved(k: int) -> ShapeModel:
+        assert companion is not None
+        place_N = companion.shape.vertices @ companion.C_AN(times[k]) + companion.position(times[k])
+        return ShapeModel(place_N @ C_AN[k].T, companion.shape.faces, companion.name)
+
     return Scene(
-        times=telemetry["time"].values,
+        times=times,
         turn=turn,
         r_A=np.einsum("kij,knj->kni", C_AN, telemetry["r_BN_N"].values),
         z_A=np.einsum("kij,knj->kni", C_AN, z_N),
         relays=(mode == TargetKind.EARTH) | (np.arange(plan.n) >= plan.n_observers),
         mode=mode,
+        companion_A=None if companion is None else moved,
     )
+
+
+def draw_bodies(ax: Axes, view: View, body: ShapeModel, colours: Array, scene: Scene, k: int) -> None:
+    """Draw the body with the colours of its faces, and its companion as it stands at sample k, the farther one first."""
+    drawn = [(body, colours)]
+    if scene.companion_A is not None:
+        other = scene.companion_A(k)
+        drawn.insert(int(other.vertices.mean(axis=0) @ view.toward > 0.0), (other, face_colours(other, [])))
+    for shape, faces in drawn:
+        draw_body(ax, view, shape, faces)
 
 
 def axis_tips(telemetry: xr.Dataset, scene: Scene, body: ShapeModel, k: int, free: float) -> Array:
@@ -164,7 +183,8 @@ def framed(plan: Plan, scene: Scene, k: int, *, onwards: bool = False) -> tuple[
         Points that the picture holds, shape (n, 3) [m], and the samples of the path that it holds, in order.
     """
     inside = np.vstack((plan.region.corners_A.reshape(-1, 3), scene.r_A[k]))
-    body = np.vstack((inside, plan.region.mesh.vertices))
+    beside = [] if scene.companion_A is None else [scene.companion_A(k).vertices]
+    body = np.vstack((inside, plan.region.mesh.vertices, *beside))
     if _extent(body) <= WIDER * _extent(inside):
         inside = body
     limit, held = WIDER * _extent(inside), [k]

@@ -39,6 +39,7 @@ from swarm_mj.observation.camera import CameraPose
 from swarm_mj.observation.capture import limits_of, pixels_on, sight
 from swarm_mj.observation.coverage import KeptPictures
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.smallbody.companion import Companion
 from swarm_mj.smallbody.occultation import occluder_of
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.typing import Array, Ints, Mask
@@ -370,7 +371,21 @@ def contacts_of(plan: Plan, edges_s: Array, instants: Instants) -> Contacts:
     link = plan.scenario.link
     heard = earth_schedule(link.ground, plan.scenario.epoch, instants.t, instants.r_BN_N.mean(axis=1), instants.earth_N)
     radios = radios_from(link, plan.antennas)
-    return find_contacts(edges_s, instants, radios=radios, body=occluder_of(plan.shape), heard=heard)
+    beside = None
+    if (companion := plan.environment.companion) is not None:
+        beside = occluder_of(companion.shape), _seen_from(companion, instants)
+    return find_contacts(edges_s, instants, radios=radios, body=occluder_of(plan.shape), heard=heard, beside=beside)
+
+
+def _seen_from(companion: Companion, instants: Instants) -> Instants:
+    """The same with positions relative to the companion's centre, and its rotation."""
+    places = np.array([companion.position(t) for t in instants.t])
+    return replace(
+        instants,
+        r_BN_N=instants.r_BN_N - places[:, None],
+        C_AN=np.array([companion.C_AN(t) for t in instants.t]),
+        earth_N=instants.earth_N - places,
+    )
 
 
 def network_of(

@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 from swarm_mj import plugins
 from swarm_mj.errors import ScenarioError, ShapeError
+from swarm_mj.flight.companion import keplerian_path, path_from
 from swarm_mj.scenarios.schema import Body, Scenario
+from swarm_mj.smallbody.companion import Companion, facing_dcm
 from swarm_mj.smallbody.environment import Environment, LinearMotion
 from swarm_mj.smallbody.ephemeris import Ephemeris, OrbitalElements, ephemeris_time, julian_date
 from swarm_mj.smallbody.kernel_ephemeris import KernelEphemeris
@@ -42,7 +44,16 @@ class EpochState(NamedTuple):
 
 
 def epoch_state(scenario: Scenario) -> EpochState:
-    """Rotation, Sun and Earth at the scenario's epoch, by its elements or by its SPICE kernels.
+    """Rotation, Sun and Earth at the scenario's epoch; a body that is locked to its companion is turned to it.
+
+    Raises:
+        SwarmError: As for `own_state`, or the companion's orbit has no period.
+    """
+    return _locked(scenario, own_state(scenario))
+
+
+def own_state(scenario: Scenario) -> EpochState:
+    """The same by the body's own elements or by SPICE kernels.
 
     Raises:
         ScenarioError: The scenario's kernels cannot be read, or do not say.
@@ -67,6 +78,47 @@ def epoch_state(scenario: Scenario) -> EpochState:
         C_AN, spin_rate = kernels.rotation(et, scenario.duration_s)
         changed = changed._replace(C_PN=C_AN, phase0=0.0, spin_rate=spin_rate)
     return changed
+
+
+def _locked(scenario: Scenario, own: EpochState) -> EpochState:
+    """The same with the body turned to its companion, where the scenario says so; the axes of the orbit are its own."""
+    asked = scenario.companion
+    if asked is None or asked.body_rotation == "own":
+        return own
+    assert asked.orbit is not None  # the schema sees to that
+    path = keplerian_path(scenario.body, asked.body, asked.orbit, own.C_PN[2])
+    r, v = path.state(0.0)
+    return own._replace(C_PN=facing_dcm(-r, -v), phase0=0.0, spin_rate=path.mean_motion)
+
+
+def companion_from(scenario: Scenario) -> Companion | None:
+    """The companion of the scenario's body; None: there is none.
+
+    Raises:
+        SwarmError: Its shape, gravity or path cannot be had; the message says why.
+    """
+    asked = scenario.companion
+    if asked is None:
+        return None
+    pole_N = own_state(scenario).C_PN[2]
+    try:
+        shape = load_body_shape(asked.body)
+        _require_own_gravity(asked.body)
+        with plugins.named("companion.body.gravity.model"):
+            gravity = plugins.create(plugins.GRAVITY, asked.body.gravity.model, asked.body.gravity.parameters, shape)
+    except (ScenarioError, ShapeError) as error:
+        raise type(error)(f"companion: {error}") from None
+    rotation, jd = ephemeris_from(asked.body).rotation, julian_date(scenario.epoch)
+    return Companion(
+        name=asked.body.name,
+        shape=shape,
+        gravity=gravity,
+        path=path_from(scenario, asked, pole_N),
+        C_PN=rotation.C_PN,
+        phase0=rotation.phase(jd),
+        own_rate=rotation.spin_rate,
+        locked=asked.rotation == "locked",
+    )
 
 
 def ephemeris_from(body: Body) -> Ephemeris:
@@ -113,6 +165,7 @@ def environment_from(scenario: Scenario, shape: ShapeModel, mass: float | None =
         solar_tide=perturbations.solar_tide,
         srp_area_per_mass=area_per_mass if perturbations.solar_radiation_pressure else 0.0,
         srp_reflectivity=perturbations.srp_reflectivity,
+        companion=companion_from(scenario),
     )
 
 

@@ -80,7 +80,8 @@ def _earlier(plan: Plan, more_s: float) -> dict[str, Any] | None:
         "epoch": (datetime.fromisoformat(scenario.epoch) - timedelta(seconds=more)).isoformat(),
     }
     if mothership.approach is not None:
-        overrides["mothership.approach.closest_approach_s"] = mothership.approach.closest_approach_s + more
+        if mothership.approach.closest_approach_s is not None:
+            overrides["mothership.approach.closest_approach_s"] = mothership.approach.closest_approach_s + more
     elif not isinstance(mothership.velocity, str) and mothership.ephemeris is None:
         before_N = plan.deployment.r0_N - more * plan.deployment.mothership_velocity_N
         overrides["mothership.position_A_m"] = (plan.environment.C_AN(-more) @ before_N).round().tolist()

@@ -212,6 +212,18 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
         C_AN=asteroid_attitudes(telemetry),
         earth_N=np.array([plan.environment.earth.at(t) for t in record.time]),
     )
+    if (companion := plan.environment.companion) is not None:
+        places = np.array([companion.position(t) for t in record.time])
+        closed &= links_closed(
+            antennas=plan.antennas,
+            shape=companion.shape,
+            mode=telemetry["mode"].values,
+            tracked=telemetry["tracked_spacecraft"].values,
+            r_BN_N=telemetry["r_BN_N"].values - places[:, None],
+            C_BN=dcm(telemetry["sigma_BN"].values),
+            C_AN=np.array([companion.C_AN(t) for t in record.time]),
+            earth_N=np.array([plan.environment.earth.at(t) for t in record.time]) - places,
+        )
     if plan.deployment.release_s.any():
         left = record.time[:, None] >= plan.deployment.release_s * (1.0 - 1e-12)
         telemetry["released"] = VARIABLES["released"].of(left)

@@ -8,6 +8,7 @@ import numpy as np
 
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.capture import lit
+from swarm_mj.observation.companion import Screen
 from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.smallbody.environment import LinearMotion
 from swarm_mj.typing import Array, Mask
@@ -32,6 +33,7 @@ def lit_sometime(
     *,
     tracer: RayTracer | None,
     among: Mask | None = None,
+    screen: Screen | None = None,
 ) -> Mask:
     """Cells that are lit at one of some instants at least, see `lit`, shape (n,).
 
@@ -42,12 +44,18 @@ def lit_sometime(
         max_incidence_deg: Of `lit`.
         tracer: Of `lit`.
         among: Cells that are asked about, shape (n,); the others count as never lit. None: all.
+        screen: The companion, where shadows are traced; None: there is none.
     """
     left = np.ones(region.n_cells, np.bool_) if among is None else among.copy()
     found = np.zeros(region.n_cells, np.bool_)
     for t in times_s:
         now = lit(
-            region, around.C_AN(t) @ around.sun.at(t), max_incidence_deg=max_incidence_deg, tracer=tracer, among=left
+            region,
+            around.C_AN(t) @ around.sun.at(t),
+            max_incidence_deg=max_incidence_deg,
+            tracer=tracer,
+            among=left,
+            shade=None if screen is None else screen.at(t),
         )
         found |= now
         left &= ~now

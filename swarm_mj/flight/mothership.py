@@ -43,7 +43,7 @@ from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
 from swarm_mj.tracks.ccsds_in import read_oem
-from swarm_mj.tracks.frames import C_EN
+from swarm_mj.tracks.frames import axes_of_pole
 from swarm_mj.tracks.horizons_in import read_horizons
 from swarm_mj.typing import Array
 
@@ -113,16 +113,7 @@ def _known_state(
 
 def axes_in_N(name: str, environment: Environment) -> Array:
     """Axes by their name in a scenario: the rows are their unit vectors x, y, z in N, shape (3, 3)."""
-    if name == "ecliptic":
-        return np.eye(3)
-    if name == "equatorial":
-        return C_EN
-    pole = environment.C_PN[2]
-    node = np.cross(C_EN[2], pole)
-    # The node has no direction where the body's equator is that of EME2000: the equinox then.
-    node = C_EN[0] - (C_EN[0] @ pole) * pole if np.linalg.norm(node) < 1e-9 else node
-    node = node / np.linalg.norm(node)
-    return np.stack([node, np.cross(pole, node), pole])
+    return axes_of_pole(name, environment.C_PN[2])
 
 
 def check_approach(scenario: Scenario, shape: ShapeModel, environment: Environment, state: MothershipState) -> None:
@@ -251,7 +242,7 @@ def _by_approach(asked: Approach, key: str, scenario: Scenario, environment: Env
             f"{key}.latitude_deg = {asked.latitude_deg:g}: {error}; choose other axes than {asked.axes}"
         ) from None
     r, v = _state_of(flyby, key)
-    return MothershipState(r @ C, v @ C)
+    return MothershipState(r @ C, np.asarray(v) @ C)
 
 
 def _by_phase(

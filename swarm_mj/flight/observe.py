@@ -28,6 +28,7 @@ from swarm_mj.observation.capture import (
     sight,
     watching,
 )
+from swarm_mj.observation.companion import Screen, Shade
 from swarm_mj.observation.coverage import Cause, CoverageMap, KeptPictures, Shown
 from swarm_mj.observation.observer import Observer, make_observer
 from swarm_mj.observation.quality import Looks, PictureLooks, Quality, gather, looks_in_picture, quality_of
@@ -159,10 +160,13 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
     kept = KeptPictures(plan.region.n_cells, plan.n, scenario.data.pictures)
     least_px, why = np.full(plan.region.n_cells, np.nan), np.full(plan.region.n_cells, Cause.NO_PICTURE, np.int8)
     arrival_only = scenario.observation.criterion == "arrival"
-    images, light, looks = 0, _Light(observer, criterion), LooksTaken(scenario, observer, criterion.classes)
+    screen = screen_of(plan.environment)
+    images, light, looks = 0, _Light(observer, criterion, screen), LooksTaken(scenario, observer, criterion.classes)
     try:
         for picture in flight_pictures(plan, telemetry):
-            cause = causes(observer, picture.pose, criterion, motion=picture.motion, light=partial(light.at, picture))
+            shade = light.shade_at(picture.t)
+            lit_now = partial(light.at, picture)
+            cause = causes(observer, picture.pose, criterion, motion=picture.motion, light=lit_now, shade=shade)
             seen = cause == Cause.NONE
             passage.add(picture.t, picture.spacecraft, seen)
             at_arrival = picture.t == arrivals_s[picture.spacecraft]
@@ -182,11 +186,19 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
                 progress(images)
         for picture in flight_pictures(plan, telemetry, camera_on=False):
             if not arrival_only or picture.t == arrivals_s[picture.spacecraft]:
-                would = observe(observer, picture.r_A, picture.C_CA, criterion, picture.sun_A, picture.motion)
+                would = observe(
+                    observer,
+                    picture.r_A,
+                    picture.C_CA,
+                    criterion,
+                    picture.sun_A,
+                    picture.motion,
+                    light.shade_at(picture.t),
+                )
                 why[would & (why != Cause.NONE)] = Cause.CAMERA_OFF
         if criterion.needs_sun:
             ticks = schedule_from(scenario, scenario.telemetry.interval_s).ticks(telemetry.sizes["time"] - 1)
-            tell_never_lit(why, observer, criterion, plan.environment, telemetry["time"].values[ticks])
+            tell_never_lit(why, observer, criterion, plan.environment, telemetry["time"].values[ticks], screen)
     finally:
         observer.close()
     return ObservationResult(
@@ -203,26 +215,45 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
 
 
 def tell_never_lit(
-    why: NDArray[np.int8], observer: Observer, criterion: Observation, around: Turning, times_s: Array
+    why: NDArray[np.int8],
+    observer: Observer,
+    criterion: Observation,
+    around: Turning,
+    times_s: Array,
+    screen: Screen | None = None,
 ) -> None:
     """Change the `Cause` of the cells that do not count, shape (n,), where they are lit at none of some times [s]."""
     unseen = (why != Cause.NONE) & (why != Cause.CAMERA_OFF)
     limit, tracer = criterion.max_incidence_deg, observer.tracer
-    why[unseen & ~lit_sometime(observer.region, around, times_s, limit, tracer=tracer, among=unseen)] = Cause.NEVER_LIT
+    ever = lit_sometime(observer.region, around, times_s, limit, tracer=tracer, among=unseen, screen=screen)
+    why[unseen & ~ever] = Cause.NEVER_LIT
+
+
+def screen_of(environment: Environment) -> Screen | None:
+    """The companion as what hides and shades the target; None: there is none."""
+    return None if environment.companion is None else Screen(environment.companion, environment)
 
 
 class _Light:
-    """Which cells are lit, worked out once for all pictures of an instant."""
+    """Which cells are lit, and where the companion stands, worked out once for all pictures of an instant."""
 
-    def __init__(self, observer: Observer, criterion: Observation) -> None:
-        self._observer, self._criterion = observer, criterion
+    def __init__(self, observer: Observer, criterion: Observation, screen: Screen | None) -> None:
+        self._observer, self._criterion, self._screen = observer, criterion, screen
         self._last: tuple[float, Mask] | None = None
+        self._shade: tuple[float, Shade] | None = None
 
     def at(self, picture: Picture) -> Mask:
         """Of a picture, shape (n,)."""
         if self._last is None or self._last[0] != picture.t:
-            self._last = picture.t, lit_cells(self._observer, self._criterion, picture.sun_A)
+            shade = self.shade_at(picture.t)
+            self._last = picture.t, lit_cells(self._observer, self._criterion, picture.sun_A, shade)
         return self._last[1]
+
+    def shade_at(self, t: float) -> Shade | None:
+        """The companion at a time [s]; None: there is none."""
+        if self._screen is not None and (self._shade is None or self._shade[0] != t):
+            self._shade = t, self._screen.at(t)
+        return self._shade and self._shade[1]
 
 
 class LooksTaken:

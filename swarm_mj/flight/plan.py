@@ -31,6 +31,7 @@ from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.scenarios.schema_propulsion import Navigation, Trajectory
 from swarm_mj.simulator.faults.schedule import check_faults
+from swarm_mj.smallbody.companion import Companion
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.control.base import Controller
@@ -237,6 +238,9 @@ def check_plugins(scenario: Scenario) -> None:
     unchecked_behavior(scenario)
     with plugins.named("body.gravity.model"):
         plugins.find(plugins.GRAVITY, scenario.body.gravity.model)
+    if scenario.companion is not None:
+        with plugins.named("companion.body.gravity.model"):
+            plugins.find(plugins.GRAVITY, scenario.companion.body.gravity.model)
 
 
 def controller_from(scenario: Scenario) -> Controller:
@@ -313,6 +317,8 @@ def _check_flight(
     r_N, _ = planned_paths(environment.acceleration_N, deployment, times)
     C_AN = np.array([environment.C_AN(t) for t in times])
     _refuse_impacts(scenario, find_impacts(shape, times, np.einsum("kij,knj->kni", C_AN, r_N)[:, :candidates]))
+    if environment.companion is not None:
+        _refuse_companion_hits(environment.companion, times, r_N[:, :candidates])
     least_radius = np.linalg.norm(r_N, axis=2).min(axis=0)
     if candidates is not None:
         return [], least_radius
@@ -321,6 +327,19 @@ def _check_flight(
         times, r_N, closer_than=safety.min_separation_m, after=safety.separation_grace_s, release_s=deployment.release_s
     )
     return near, least_radius
+
+
+def _refuse_companion_hits(companion: Companion, times: Array, r_N: Array) -> None:
+    """Raise a PathError that names who hits the companion; positions at some times, shape (t, n, 3) [m]."""
+    r_A = np.array(
+        [(r - companion.position(t)) @ companion.C_AN(t).T for t, r in zip(times.tolist(), r_N, strict=True)]
+    )
+    if impacts := find_impacts(companion.shape, times, r_A):
+        told = "; ".join(
+            f"sc{i.spacecraft + 1} hits {companion.name} at t = {i.time:g} s" for i in impacts[:SHOWN_IMPACTS]
+        )
+        remedy = "change design.visiting_points, design.time_of_flight_s, the epoch or companion.orbit"
+        raise PathError(f"{told}; {remedy}", f"hitting {companion.name}", [impact.spacecraft for impact in impacts])
 
 
 def _refuse_impacts(scenario: Scenario, impacts: list[Impact]) -> None:

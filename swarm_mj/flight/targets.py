@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from swarm_mj.errors import MissionError, ScenarioError
-from swarm_mj.flight.environment import epoch_state
+from swarm_mj.flight.environment import companion_from, epoch_state
 from swarm_mj.flight.light import lit_sometime
 from swarm_mj.mission.behaviors import Behavior, MissionBehavior, PointAims, elect_medoid
 from swarm_mj.mission.deployment import groups
@@ -25,6 +25,7 @@ from swarm_mj.mission.target import (
     local_axes,
     place_of,
 )
+from swarm_mj.observation.companion import Screen
 from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.scenarios.itinerary import Stop, all_targets, itinerary
 from swarm_mj.scenarios.schema import Scenario, Target
@@ -141,7 +142,9 @@ def _lit(scenario: Scenario, region: TargetRegion) -> Mask:
     if scenario.target.lit_at == "arrival":
         times = np.array([design.release_s + design.time_of_flight_s])
     tracer = RayTracer(region.vertices, region.faces)
-    found = lit_sometime(region, epoch_state(scenario), times, observation.max_incidence_deg, tracer=tracer)
+    around, companion = epoch_state(scenario), companion_from(scenario)
+    screen = None if companion is None else Screen(companion, around)
+    found = lit_sometime(region, around, times, observation.max_incidence_deg, tracer=tracer, screen=screen)
     if not found.any():
         raise MissionError(f"target.lit_at = {scenario.target.lit_at}: nothing of {region.mesh.name} is lit then")
     return found

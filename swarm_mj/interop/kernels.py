@@ -18,6 +18,8 @@ from swarm_mj.interop.states import CLOCK, FIRST_SPACECRAFT, FlightStates
 from swarm_mj.io.spice import furnished, spice_errors, spiceypy
 from swarm_mj.io.times import EB, M0, M1, TT_TAI, K, leap_seconds
 from swarm_mj.scenarios.constants import DAY
+from swarm_mj.smallbody.companion import Companion
+from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.rotation import spin_dcm
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.attitude.mrp import dcm
@@ -32,6 +34,8 @@ USER_FRAMES, USER_FRAMES_COUNT = 1_400_000, 600_000
 SPK_WINDOW = 4
 #: The Sun's and the Earth's straight lines go on for so long before and after the flight, for light time [s].
 MARGIN_S = 86_400.0
+#: Between the states of a companion [s].
+COMPANION_STEP_S = 10.0
 BARYCENTRE, SUN, EARTH = 0, 10, 399
 #: Time for which the shape is said to hold, before and after the epoch [s]: 50 years.
 SHAPE_SPAN_S = 50 * 365.25 * 86_400.0
@@ -111,16 +115,11 @@ def clock(states: FlightStates) -> str:
 def body_constants(states: FlightStates) -> str:
     """PCK: pole, rotation, size and gravity of the body, as they were flown."""
     code, environment = states.body.code, states.plan.environment
-    ra, dec, w0 = rotation_constants(states)
-    values: dict[str, object] = {
-        f"BODY{code}_POLE_RA": [ra, 0.0, 0.0],
-        f"BODY{code}_POLE_DEC": [dec, 0.0, 0.0],
-        f"BODY{code}_PM": [w0, degrees(environment.spin_rate) * DAY, 0.0],
-        f"BODY{code}_RADII": _radii_km(states).tolist(),
-    }
-    gm = getattr(environment.gravity, "gm", None)
-    if gm is not None:
-        values[f"BODY{code}_GM"] = float(gm) / 1e9
+    values = _constants(code, environment, _radii_km(states.plan.scenario.body.semi_axes_m, states.plan.shape), states)
+    asked, companion = states.plan.scenario.companion, environment.companion
+    if asked is not None and companion is not None and states.companion is not None:
+        radii = _radii_km(asked.body.semi_axes_m, companion.shape)
+        values |= _constants(states.companion.code, companion, radii, states)
     note = (
         "Pole and prime meridian reproduce the flight's rotation in SPICE's frames: they differ from the scenario's by the",
         "rounding of the obliquity, 0.04 arcsec. Radii are half the extents of the shape along the axes of A.",
@@ -128,9 +127,30 @@ def body_constants(states: FlightStates) -> str:
     return _kernel("PCK", [*states.comments, *note], values)
 
 
-def rotation_constants(states: FlightStates) -> tuple[float, float, float]:
-    """Right ascension and declination of the pole and W at J2000 [deg] that give the flight's rotation C_AN in SPICE."""
-    environment = states.plan.environment
+def _constants(
+    code: int, body: Environment | Companion, radii_km: np.ndarray, states: FlightStates
+) -> dict[str, object]:
+    """Of one body; one that is locked is turned by a frame of its own."""
+    values: dict[str, object] = {f"BODY{code}_RADII": radii_km.tolist()}
+    if not (isinstance(body, Companion) and body.locked):
+        ra, dec, w0 = rotation_constants(states, body)
+        values |= {
+            f"BODY{code}_POLE_RA": [ra, 0.0, 0.0],
+            f"BODY{code}_POLE_DEC": [dec, 0.0, 0.0],
+            f"BODY{code}_PM": [w0, degrees(body.spin_rate) * DAY, 0.0],
+        }
+    gm = getattr(body.gravity, "gm", None)
+    if gm is not None:
+        values[f"BODY{code}_GM"] = float(gm) / 1e9
+    return values
+
+
+def rotation_constants(states: FlightStates, body: Environment | Companion | None = None) -> tuple[float, float, float]:
+    """Right ascension and declination of the pole and W at J2000 [deg] that give the flight's rotation C_AN in SPICE.
+
+    Of the body; or of its companion.
+    """
+    environment = body or states.plan.environment
     C_AE = spin_dcm(np.ascontiguousarray(environment.C_PN), float(environment.phase0)) @ C_EN.T
     x, y, z = C_AE[2]
     ra, dec = degrees(atan2(y, x)) % 360.0, degrees(atan2(z, hypot(x, y)))
@@ -144,10 +164,8 @@ def rotation_constants(states: FlightStates) -> tuple[float, float, float]:
     return ra, dec, (w - degrees(environment.spin_rate) * DAY * days) % 360.0
 
 
-def _radii_km(states: FlightStates) -> np.ndarray:
-    axes = states.plan.scenario.body.semi_axes_m
-    vertices = states.plan.shape.vertices
-    return np.array(axes if axes is not None else np.ptp(vertices, axis=0) / 2.0) / 1e3
+def _radii_km(axes: tuple[float, ...] | None, shape: ShapeModel) -> np.ndarray:
+    return np.array(axes if axes is not None else np.ptp(shape.vertices, axis=0) / 2.0) / 1e3
 
 
 def frames(states: FlightStates) -> str:
@@ -155,12 +173,15 @@ def frames(states: FlightStates) -> str:
     body = states.body
     fixed = USER_FRAMES + body.code % USER_FRAMES_COUNT
     names, codes = [body.name], [body.code]
+    if states.companion is not None:
+        names, codes = [*names, states.companion.name], [*codes, states.companion.code]
     for j in range(states.plan.n):
         names += [spacecraft_name(states, j), f"{spacecraft_name(states, j)}_CAMERA"]
         codes += [spacecraft_code(j), body_frame_code(j) - 1]
     values: dict[str, object] = {"NAIF_BODY_NAME": names, "NAIF_BODY_CODE": codes}
     values |= _frame(body.frame, fixed, kind=2, code=body.code, center=body.code)
     values[f"OBJECT_{body.code}_FRAME"] = body.frame
+    values |= _companion_frame(states)
     for j in range(states.plan.n):
         code = body_frame_code(j)
         name = f"{spacecraft_name(states, j)}_BODY"
@@ -168,6 +189,32 @@ def frames(states: FlightStates) -> str:
         values |= {f"CK_{code}_SCLK": CLOCK, f"CK_{code}_SPK": spacecraft_code(j)}
     note = "The body-fixed frame is A of swarm_mj; frames ..._BODY are B, whose +z the camera looks along."
     return _kernel("FK", [*states.comments, note], values)
+
+
+def _companion_frame(states: FlightStates) -> dict[str, object]:
+    """Its body-fixed frame A2: by its constants, or by the line to the body and the velocity where it is locked."""
+    name, companion = states.companion, states.plan.environment.companion
+    if name is None or companion is None:
+        return {}
+    number = USER_FRAMES + name.code % USER_FRAMES_COUNT
+    if number == USER_FRAMES + states.body.code % USER_FRAMES_COUNT:
+        number += 1
+    values: dict[str, object] = {f"OBJECT_{name.code}_FRAME": name.frame}
+    if not companion.locked:
+        return values | _frame(name.frame, number, kind=2, code=name.code, center=name.code)
+    seen = {"OBSERVER": name.name, "TARGET": states.body.name, "ABCORR": "NONE"}
+    values |= _frame(name.frame, number, kind=5, code=number, center=name.code)
+    values |= {
+        f"FRAME_{number}_RELATIVE": "J2000",
+        f"FRAME_{number}_DEF_STYLE": "PARAMETERIZED",
+        f"FRAME_{number}_FAMILY": "TWO-VECTOR",
+        f"FRAME_{number}_PRI_AXIS": "X",
+        f"FRAME_{number}_PRI_VECTOR_DEF": "OBSERVER_TARGET_POSITION",
+        f"FRAME_{number}_SEC_AXIS": "Y",
+        f"FRAME_{number}_SEC_VECTOR_DEF": "OBSERVER_TARGET_VELOCITY",
+        f"FRAME_{number}_SEC_FRAME": "J2000",
+    }
+    return values | {f"FRAME_{number}_{axis}_{key}": value for axis in ("PRI", "SEC") for key, value in seen.items()}
 
 
 def _frame(name: str, number: int, *, kind: int, code: int, center: int) -> dict[str, object]:
@@ -222,7 +269,18 @@ def write_spk(path: Path, states: FlightStates) -> None:
             who = (spacecraft_code(j), states.body.code, spacecraft_name(states, j))
             flown = states.flown(j)
             _add_states(spice, handle, who, states.et[flown], states.states_N[flown, j] / 1e3)
+        _add_companion(spice, handle, states)
         spice.spkcls(handle)
+
+
+def _add_companion(spice: Any, handle: int, states: FlightStates) -> None:
+    """The path of the companion relative to the body."""
+    name, companion = states.companion, states.plan.environment.companion
+    if name is None or companion is None:
+        return
+    times = np.linspace(0.0, states.times[-1], 2 + int(states.times[-1] / COMPANION_STEP_S))
+    found = np.array([np.concatenate(companion.path.state(t)) for t in times.tolist()])
+    _add_states(spice, handle, (name.code, states.body.code, name.name), states.epoch / 1e9 + times, found / 1e3)
 
 
 def write_sun_and_earth(path: Path, states: FlightStates) -> None:

@@ -51,6 +51,18 @@ class FlightStates:
         return BodyName.of(self.plan.scenario.body.name)
 
     @cached_property
+    def companion(self) -> BodyName | None:
+        """The same of the body's companion; None: there is none. No two bodies have one number."""
+        if (companion := self.plan.environment.companion) is None:
+            return None
+        named = BodyName.of(companion.name)
+        code, name = (
+            named.code - (named.code == self.body.code),
+            f"{named.name[:-2]}_2" if named.name == self.body.name else named.name,
+        )
+        return BodyName(code, name)
+
+    @cached_property
     def camera(self) -> CameraModel:
         """Of every spacecraft."""
         return camera_from(self.plan.scenario)

@@ -1,8 +1,8 @@
 """The camera: its field of view, where its pictures fall, and their motion blur.
 
-Camera frame C: z along the line of sight, x to the right and y down in the picture (right-handed). On a spacecraft the
-camera looks along the body's +z, and C is the body frame B, where it is not mounted otherwise. `C_CA` maps components in the body-fixed frame A into C;
-its rows are the camera's axes in A. Lengths are in metres.
+Camera frame C: z along the line of sight, x to the right and y down in the picture (right-handed). A spacecraft's
+camera that is not mounted otherwise looks along its +z, and C is its frame B. `C_CA` maps components in the body-fixed frame
+A into C; its rows are the camera's axes in A. Lengths are in metres.
 
 Motion blur is how far the image of each cell moves over the detector while a picture is exposed: to first order, the rate at
 which the image moves at the middle of the exposure times its length. A point at p in C moves in it with
@@ -102,7 +102,12 @@ class CameraModel:
         resolution = max(1, round(min(self.sides) * self.resolution_px))
         ifov = self.pixel_angle
         return replace(
-            self, shape="cone", half_angle_deg=half_angle, resolution_px=resolution, detector_ifov=ifov, sides=(1.0, 1.0)
+            self,
+            shape="cone",
+            half_angle_deg=half_angle,
+            resolution_px=resolution,
+            detector_ifov=ifov,
+            sides=(1.0, 1.0),
         )
 
     def contains(self, points_C: Array) -> Mask:

@@ -24,9 +24,10 @@ from swarm_mj.errors import MissionError
 from swarm_mj.mission.behaviors import looks_at_body
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraMotion, CameraPose, Motion, camera_pose, motion_blur_px
+from swarm_mj.observation.companion import Shade
 from swarm_mj.observation.coverage import Cause
 from swarm_mj.observation.observer import Observer
-from swarm_mj.observation.raycast import RayTracer, barycentric_samples, sampled_fraction, shown_whole
+from swarm_mj.observation.raycast import WHOLE_SAMPLES, RayTracer, barycentric_samples, sampled_fraction, shown_whole
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.spacecraft.attitude.algebra import dot, relative_dcm, times
 from swarm_mj.typing import Array, Ints, Mask
@@ -247,8 +248,9 @@ def lit(
     tracer: RayTracer | None = None,
     samples: int = 16,
     among: Mask | None = None,
+    shade: Shade | None = None,
 ) -> Mask:
-    """Tell which cells the Sun lights, a point at infinity; only the body itself casts shadows. Shape (n,).
+    """Tell which cells the Sun lights, a point at infinity; the body itself and its companion cast shadows. Shape (n,).
 
     Args:
         region: The target.
@@ -258,6 +260,7 @@ def lit(
             points see the Sun. None ignores shadows.
         samples: Sample points per cell, a square number.
         among: Cells that are asked about, shape (n,); the others count as dark. None: all.
+        shade: The companion, where shadows are asked for; None: there is none.
 
     Raises:
         MissionError: The direction is not three finite numbers, or zero; or `samples` is not a square number.
@@ -271,6 +274,8 @@ def lit(
     lift = SHADOW_LIFT * region.mesh.max_radius * region.normal_A[chosen, None]
     points = (barycentric_samples(samples) @ region.corners_A[chosen] + lift).reshape(-1, 3)
     free = tracer.first_hit(points, np.broadcast_to(sun, points.shape)) < 0
+    if shade is not None and shade.may_shade(sun, region.mesh.max_radius):
+        free &= ~shade.shades(points, sun)
     result[chosen] = free.reshape(len(chosen), samples).mean(axis=1) >= 0.5
     return result
 
@@ -282,9 +287,10 @@ def _unit(sun_A: ArrayLike) -> Array:
     return sun / np.linalg.norm(sun)
 
 
-def lit_cells(observer: Observer, criterion: Observation, sun_A: ArrayLike) -> Mask:
-    """Cells that are lit as the criterion asks, shape (n,)."""
-    return lit(observer.region, sun_A, max_incidence_deg=criterion.max_incidence_deg, tracer=observer.tracer)
+def lit_cells(observer: Observer, criterion: Observation, sun_A: ArrayLike, shade: Shade | None = None) -> Mask:
+    """Cells that are lit as the criterion asks, shape (n,); `shade` as for `lit`."""
+    limit = criterion.max_incidence_deg
+    return lit(observer.region, sun_A, max_incidence_deg=limit, tracer=observer.tracer, shade=shade)
 
 
 def visible_share(observer: Observer, r_A: ArrayLike, C_CA: ArrayLike, *, whole: bool) -> Array:
@@ -301,6 +307,21 @@ def visible_share(observer: Observer, r_A: ArrayLike, C_CA: ArrayLike, *, whole:
     return shown_whole(tracer, observer.region, observer.camera, camera_pose(r_A, C_CA)).astype(np.float64)
 
 
+def screened(
+    share: Array, observer: Observer, r_A: Array, shade: Shade | None, *, whole: bool, samples: int = WHOLE_SAMPLES
+) -> Array:
+    """Visible shares of all cells, shape (n,), less what a companion stands before, where the observer knows of hiding.
+
+    The companion's part of a cell is taken for that of its part in view; of `whole` cells nothing may be hidden.
+    """
+    if shade is None or not observer.occlusion:
+        return share
+    cells, left = np.flatnonzero(share > 0.0), share.copy()
+    hidden = shade.hidden_share(observer.region, cells, r_A, samples)
+    left[cells] *= hidden == 0.0 if whole else 1.0 - hidden
+    return left
+
+
 def judge(
     observer: Observer,
     criterion: Observation,
@@ -308,11 +329,12 @@ def judge(
     light: Callable[[], Mask],
     share: Callable[[], Array],
     motion_blur: Callable[[], Array],
+    shade: Shade | None = None,
 ) -> NDArray[np.int8]:
     """`Cause` why each cell does not count as observed in a picture; `Cause.NONE`: it counts. Shape (n,).
 
     Limits and light are judged at a cell's centroid, its share and shadows over its area. Cells of which too little lies in the
-    field of view are out of view, whatever stands before them; those that the body hides more of are hidden.
+    field of view are out of view, whatever stands before them; those that the body, or its companion, hides more of are hidden.
 
     Args:
         observer: Who looks, at which target, through which camera.
@@ -321,6 +343,7 @@ def judge(
         light: Gives which cells are lit, see `lit_cells`; asked only where light matters and something is left to light.
         share: Gives the visible share of every cell, see `visible_share`; asked only where something is left to see.
         motion_blur: Gives the motion blur of every cell, see `motion_blur_px`; asked only where it matters.
+        shade: The companion, of which `share` and `light` know; None: there is none.
     """
     region = observer.region
     limits = limits_of(criterion, observer.camera, region)
@@ -339,17 +362,20 @@ def judge(
     outside = ~counts & ~observer.camera.contains(pose.to_camera(region.centroid_A))
     cause[outside] = Cause.OUT_OF_VIEW
     cells = np.flatnonzero(cause == Cause.HIDDEN)
-    cause[cells[~_hidden(observer, limits, pose, cells)]] = Cause.OUT_OF_VIEW
+    cause[cells[~_hidden(observer, limits, pose, cells, shade)]] = Cause.OUT_OF_VIEW
     return cause
 
 
-def _hidden(observer: Observer, limits: Limits, pose: CameraPose, cells: Ints) -> Mask:
-    """Which of some cells that show too little of themselves would show enough if the body hid nothing, shape (len(cells),)."""
+def _hidden(observer: Observer, limits: Limits, pose: CameraPose, cells: Ints, shade: Shade | None) -> Mask:
+    """Which of some cells that show too little of themselves would show enough if no body hid them, shape (len(cells),)."""
     region, camera, samples = observer.region, observer.camera, observer.samples
     in_view = sampled_fraction(None, region, cells, camera, pose, samples)
     hidden = np.asarray(shows_enough(limits, in_view))
     if observer.counts_pixels:  # pixels may miss what samples find at the picture's edge
-        hidden &= sampled_fraction(observer.tracer, region, cells, camera, pose, samples) < in_view
+        less = sampled_fraction(observer.tracer, region, cells, camera, pose, samples) < in_view
+        if shade is not None:
+            less |= shade.hidden_share(region, cells, pose.r_A, WHOLE_SAMPLES) > 0.0
+        hidden &= less
     return hidden
 
 
@@ -360,9 +386,10 @@ def observe(
     criterion: Observation,
     sun_A: ArrayLike | None = None,
     motion: CameraMotion | None = None,
+    shade: Shade | None = None,
 ) -> Mask:
     """Take one picture and tell which cells count as observed in it, shape (n,); see `causes`."""
-    return causes(observer, camera_pose(r_A, C_CA), criterion, sun_A, motion) == Cause.NONE
+    return causes(observer, camera_pose(r_A, C_CA), criterion, sun_A, motion, shade=shade) == Cause.NONE
 
 
 def causes(
@@ -372,6 +399,7 @@ def causes(
     sun_A: ArrayLike | None = None,
     motion: CameraMotion | None = None,
     light: Callable[[], Mask] | None = None,
+    shade: Shade | None = None,
 ) -> NDArray[np.int8]:
     """Take one picture and tell of each cell the `Cause` why it does not count as observed in it, or that it does, shape (n,).
 
@@ -382,6 +410,7 @@ def causes(
         sun_A: Direction to the Sun in A, of any length, shape (3,); needed unless light is ignored.
         motion: How the camera moves relative to the body; needed if the criterion limits motion blur.
         light: Gives which cells are lit, where that is known; None: it is worked out.
+        shade: The companion at that time; None: there is none.
 
     Raises:
         MissionError: The pose is impossible, light is asked for without a Sun, or little motion blur without a motion.
@@ -390,14 +419,15 @@ def causes(
     def lit_now() -> Mask:
         if sun_A is None:
             raise MissionError("the observation criterion asks for sunlight: pass the direction to the Sun, sun_A")
-        return lit_cells(observer, criterion, sun_A)
+        return lit_cells(observer, criterion, sun_A, shade)
 
     def share() -> Array:
-        return visible_share(observer, pose.r_A, pose.C_CA, whole=criterion.whole)
+        seen = visible_share(observer, pose.r_A, pose.C_CA, whole=criterion.whole)
+        return screened(seen, observer, pose.r_A, shade, whole=criterion.whole)
 
     def motion_blur() -> Array:
         if motion is None:
             raise MissionError("the observation criterion limits motion blur: pass how the camera moves, motion")
         return motion_blur_px(observer.region, observer.camera, pose.r_A, pose.C_CA, motion)
 
-    return judge(observer, criterion, pose, light or lit_now, share, motion_blur)
+    return judge(observer, criterion, pose, light or lit_now, share, motion_blur, shade)

@@ -24,6 +24,7 @@ from swarm_mj.typing import Array, Indices, Ints, Mask
 class Cause(IntEnum):
     """Why a cell does not count in a picture: the first condition that it does not fulfil, in this order, or none.
 
+    Hidden is what the body stands before, or its companion; dark is what the Sun does not reach, in the companion's shadow too.
     Two are told of a whole flight alone: that a camera was off, and that a cell was lit at no picture time that counts, so that
     no picture could show it.
     """

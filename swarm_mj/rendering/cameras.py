@@ -81,7 +81,10 @@ def overview(plan: Plan, path_N: Array, aspect: float, span_s: Span | None = Non
     over its height. `span_s`: begin and end of that time [s]; None: the whole flight.
     """
     begin, end = span_s or (0.0, plan.scenario.duration_s)
-    turned = [plan.shape.vertices @ plan.environment.C_AN(t) for t in (begin, 0.5 * (begin + end), end)]
+    times, companion = (begin, 0.5 * (begin + end), end), plan.environment.companion
+    turned = [plan.shape.vertices @ plan.environment.C_AN(t) for t in times]
+    if companion is not None:
+        turned += [companion.position(t) + companion.shape.vertices @ companion.C_AN(t) for t in times]
     return fit(np.vstack((path_N.reshape(-1, 3), *turned)), view_direction(plan, path_N, aspect, span_s), aspect)
 
 

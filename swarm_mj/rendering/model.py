@@ -20,6 +20,7 @@ from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.palette import GROUND, SEEN, SEEN_BORDER, UNSEEN_BORDER
+from swarm_mj.smallbody.companion import Companion
 from swarm_mj.spacecraft.template import HUB, TEMPLATE, compile_spec, read_spec
 from swarm_mj.typing import Array, Indices, Ints, Ints32, Mask
 
@@ -150,6 +151,7 @@ class DrawingModel:
         rim_B: Corners of the camera's field of view in B at unit distance along +z, counter-clockwise seen from the
             spacecraft's far side, shape (k, 3).
         magnification: How many times larger than they are spacecraft are drawn.
+        companion: Mocap id of the body's companion, and where it is; None: there is none.
     """
 
     mjmodel: mujoco.MjModel
@@ -161,6 +163,7 @@ class DrawingModel:
     cameras: Ints
     rim_B: Array
     magnification: float
+    companion: tuple[int, Companion] | None = None
 
     def magnified(self, magnification: float) -> DrawingModel:
         """The same with spacecraft drawn so many times larger than they are; the model itself changes."""
@@ -173,6 +176,10 @@ class DrawingModel:
         """Move everything to an instant; tells whether the texture has to be uploaded again."""
         data = self.data
         mujoco.mju_mat2Quat(data.mocap_quat[self.body], np.ascontiguousarray(instant.C_AN.T).ravel())
+        if self.companion is not None:
+            mocap, companion = self.companion
+            data.mocap_pos[mocap] = companion.position(instant.t)
+            mujoco.mju_mat2Quat(data.mocap_quat[mocap], np.ascontiguousarray(companion.C_AN(instant.t).T).ravel())
         data.mocap_pos[self.spacecraft] = instant.r_BN_N
         for mocap, C_BN in zip(self.spacecraft, instant.C_BN, strict=True):
             mujoco.mju_mat2Quat(data.mocap_quat[mocap], np.ascontiguousarray(C_BN.T).ravel())
@@ -198,6 +205,9 @@ def build_drawing_model(
     spec = mujoco.MjSpec()
     _look(spec, plan, width, height, reach)
     _add_body(spec, plan, atlas)
+    companion = plan.environment.companion
+    if companion is not None:
+        _add_companion(spec, companion)
     for name in plan.names:
         _add_spacecraft(spec, name, plan, magnification)
     model = spec.compile()
@@ -211,6 +221,7 @@ def build_drawing_model(
         cameras=np.array([model.camera(name).id for name in plan.names]),
         rim_B=_rim(camera_from(plan.scenario)),
         magnification=magnification,
+        companion=None if companion is None else (int(model.body("companion").mocapid[0]), companion),
     )
 
 
@@ -255,6 +266,22 @@ def _add_body(spec: mujoco.MjSpec, plan: Plan, atlas: Atlas) -> None:
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "target"
     body, mesh = spec.worldbody.add_body(name="asteroid", mocap=True), mujoco.mjtGeom.mjGEOM_MESH
     body.add_geom(name="asteroid", type=mesh, meshname="asteroid", material="asteroid", group=BODY_GROUP, **PASSABLE)
+
+
+def _add_companion(spec: mujoco.MjSpec, companion: Companion) -> None:
+    """A mocap body of bare ground, lit by the Sun; what it shades is not drawn."""
+    shape = companion.shape
+    spec.add_mesh(
+        name="companion",
+        uservert=shape.vertices.ravel(),
+        userface=shape.faces.ravel(),
+        usernormal=shape.vertex_normals.ravel(),
+        userfacenormal=shape.faces.ravel(),
+    ).inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    rgba = [*(np.array(GROUND) / 255.0), 1.0]
+    spec.add_material(name="companion", rgba=rgba, specular=0.0, shininess=0.0)
+    body, mesh = spec.worldbody.add_body(name="companion", mocap=True), mujoco.mjtGeom.mjGEOM_MESH
+    body.add_geom(name="companion", type=mesh, meshname="companion", material="companion", group=BODY_GROUP, **PASSABLE)
 
 
 def _normals(plan: Plan) -> Array:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.figures.units import shown_spacecraft
+from swarm_mj.flight.environment import companion_from
 from swarm_mj.flight.fly import asteroid_attitudes
 from swarm_mj.flight.observe import watching_in
 from swarm_mj.mission.behaviors import TargetKind, looks_at_body
@@ -185,6 +186,14 @@ def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.in
         "C_AN": f32(C_AN),
         "near": [int(near[0]), int(near[-1])],
     }
+    companion = companion_from(run.scenario)
+    if companion is not None:
+        C_NA, at = np.swapaxes(C_AN, 1, 2), run.times[samples].tolist()
+        scene["companion_vertices"] = f32(companion.shape.vertices / KM)
+        scene["companion_faces"] = packed(companion.shape.faces.astype(np.int32))
+        scene["companion_r"] = f32(np.array([C @ companion.position(t) for C, t in zip(C_AN, at, strict=True)]) / KM)
+        # To components in A of those in A2.
+        scene["companion_C"] = f32(np.array([(companion.C_AN(t) @ C).T for C, t in zip(C_NA, at, strict=True)]))
     observers = shown[shown < run.n_observers]
     rays = border_rays(run.scenario.camera.half_angle_deg, run.scenario.camera.shape)
     if len(samples) * len(observers) * len(rays) <= limits.rays:

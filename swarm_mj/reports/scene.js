@@ -18,7 +18,11 @@ class SceneView {
     this.count = packed.r.shape[0];
     this.body = new Mesh(unpack(packed.body_vertices), unpack(packed.body_faces));
     this.target = new Mesh(unpack(packed.target_vertices), unpack(packed.target_faces));
-    for (const name of ["C_AN", "r", "z", "C", "length", "sun", "earth", "rays", "ray_length", "first_seen", "first_seen_passage"]) {
+    this.companion = new Mesh(
+      packed.companion_vertices ? unpack(packed.companion_vertices) : new Float32Array(0),
+      packed.companion_faces ? unpack(packed.companion_faces) : new Int32Array(0),
+    );
+    for (const name of ["companion_r", "companion_C", "C_AN", "r", "z", "C", "length", "sun", "earth", "rays", "ray_length", "first_seen", "first_seen_passage"]) {
       if (packed[name]) this[name] = unpack(packed[name]);
     }
     this.mode = unpack(run.mode);
@@ -76,6 +80,23 @@ class SceneView {
     return found;
   }
 
+  /** The companion at sample k, with the direction to the Sun turned into its own axes for its light. */
+  moon(k, sun) {
+    if (!this.companion.faces.length) return { x: [], y: [], z: [], intensity: [] };
+    const C = this.companion_C.subarray(9 * k, 9 * k + 9);
+    const at = this.companion_r.subarray(3 * k, 3 * k + 3);
+    const found = { x: [], y: [], z: [] };
+    for (let place = 0; place < this.companion.vertices.length; place += 3) {
+      const v = this.companion.vertices.subarray(place, place + 3);
+      const [x, y, z] = this.shownOf(k, [0, 3, 6].map((row, axis) => at[axis] + dot(C.subarray(row, row + 3), v)));
+      found.x.push(x);
+      found.y.push(y);
+      found.z.push(z);
+    }
+    const turned = [0, 1, 2].map((axis) => C[axis] * sun[0] + C[3 + axis] * sun[1] + C[6 + axis] * sun[2]);
+    return { ...found, intensity: Mesh.light(this.companion.vertexNormals, turned) };
+  }
+
   inBox(point) {
     return point.every((v) => Math.abs(v) <= this.half);
   }
@@ -128,6 +149,7 @@ class SceneView {
     const signs = this.signs(k).flatMap(({ from, to }) => [from, to, [null, null, null]]);
     return {
       body: { ...this.vertices(this.body, k), intensity: Mesh.light(this.body.vertexNormals, sun) },
+      companion: this.moon(k, sun),
       target: { ...this.vertices(this.target, k), intensity: this.cells(k, sun) },
       sight: { ...xyz(sight), "line.color": colours.flatMap((c) => [c, c, c]) },
       views: xyz(this.pictures(k)),
@@ -209,6 +231,7 @@ class SceneView {
     this.half = this.halfAt(k);
     this.view = this.overview();
     this.body.fill(trace("body"));
+    this.companion.fill(trace("companion"));
     this.target.fill(trace("target"));
     Object.assign(trace("paths"), xyz(this.paths()));
     Object.assign(trace("mothership"), xyz([this.position(0, 0)]));

@@ -41,6 +41,7 @@ def scene_figure(run: RunRecord, replay: Replay) -> go.Figure:
     ship, crew = {"symbol": "square", "size": 5, "color": INK}, {"size": 7, "line": {"width": 1, "color": "white"}}
     traces = [
         _mesh("body", hoverinfo="skip", colorscale=_ramp(GROUND)),
+        _mesh("companion", hoverinfo="skip", colorscale=_ramp(GROUND)),
         _mesh("target", intensitymode="cell", colorscale=_two_ramps(ORANGE, SKY_BLUE), **cells),
         _lines("paths", color=GREY, width=2),
         _lines("views", color=INK, width=2),

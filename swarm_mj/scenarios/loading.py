@@ -190,11 +190,18 @@ def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
         ("design", "reference", packaged_files("designs", ".json")),
         ("spacecraft", "mjcf", []),
         *(("mothership.ephemeris", key, []) for key in FILES),
+        ("companion.body", "shape", PACKAGED_SHAPES),
+        ("companion.ephemeris", "spk", []),
     ):
         values = _section(data, section)
         if isinstance(values.get(key), str) and values[key] not in names:
             values[key] = _resolved(values[key], folder)
-    for section, key in (("control", "controller"), ("body.gravity", "model"), ("behavior", "name")):
+    for section, key in (
+        ("control", "controller"),
+        ("body.gravity", "model"),
+        ("companion.body.gravity", "model"),
+        ("behavior", "name"),
+    ):
         values = _section(data, section)
         if isinstance(name := values.get(key), str) and (own := file_of(name)) is not None:
             values[key] = f"{_resolved(str(own[0]), folder)}:{own[1]}"

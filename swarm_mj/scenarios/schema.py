@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from swarm_mj.io.times import tdb_date
 from swarm_mj.scenarios.bodies import expanded_body, packaged_bodies
-from swarm_mj.scenarios.schema_body import Body, Ephemerides, Perturbations
+from swarm_mj.scenarios.schema_body import Body, Companion, Ephemerides, Perturbations
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
 from swarm_mj.scenarios.schema_imaging import Camera, Observation
 from swarm_mj.scenarios.schema_itinerary import Aim, Design, Visit
@@ -157,8 +157,8 @@ class SecondAxis(Section):
 
     axis_B: Vector3 = Field((0.0, 1.0, 0.0), description="in B, not along the line of sight, of any length [-]")
     towards: Literal["sun", "earth", "velocity", "orbit_normal"] | Vector3 = Field(
-        description="what it is turned to as far as the line of sight lets it: the Sun, Earth, the velocity in N, r x v in N, or "
-        "a direction in N, of any length; within 5.7 deg of the line of sight it says nothing, and the rotation is "
+        description="what it is turned to as far as the line of sight lets it: the Sun, Earth, the velocity in N, r x v in N, "
+        "or a direction in N, of any length; within 5.7 deg of the line of sight it says nothing, and the rotation is "
         "carried along",
     )
 
@@ -377,6 +377,9 @@ class Scenario(Section):
     body: Annotated[Body, BeforeValidator(expanded_body, json_schema_input_type=Body | str)] = Field(
         default_factory=Body, description=f"its keys, or the name of a packaged body: {', '.join(packaged_bodies())}"
     )
+    companion: Companion | None = Field(
+        None, description="one more body, of a binary asteroid; null: none; docs/how-to/binaries.md"
+    )
     ephemerides: Ephemerides = Field(default_factory=Ephemerides)
     perturbations: Perturbations = Field(default_factory=Perturbations)
     target: Target = Field(default_factory=Target)
@@ -385,8 +388,8 @@ class Scenario(Section):
     initial_states: tuple[KnownState, ...] = Field(
         (),
         max_length=1000,
-        description="one entry per spacecraft that is on its way already at the epoch, without a mothership and without visiting "
-        "points; empty: all come from the mothership; see docs/how-to/encounters.md",
+        description="one entry per spacecraft that is on its way already at the epoch, without a mothership and without "
+        "visiting points; empty: all come from the mothership; see docs/how-to/encounters.md",
     )
     trajectory: Trajectory = Field(default_factory=Trajectory)
     navigation: Navigation = Field(default_factory=Navigation)
@@ -428,8 +431,8 @@ class Scenario(Section):
         for k, visit in enumerate(expected):
             if not 0.0 < (arrival := visit.time_of_flight_s or 0.0) <= self.duration_s:
                 raise ValueError(
-                    f"initial_states.{k}: arrives at t = {arrival:g} s, outside the flight; must be from the first sample of the "
-                    f"telemetry to duration_s = {self.duration_s:g}; change epoch, duration_s, or when it arrives"
+                    f"initial_states.{k}: arrives at t = {arrival:g} s, outside the flight; must be from the first sample of "
+                    f"the telemetry to duration_s = {self.duration_s:g}; change epoch, duration_s, or when it arrives"
                 )
         design = self.design
         if (design.observers, design.visiting_points) != (
@@ -437,8 +440,8 @@ class Scenario(Section):
             (1,) * len(expected),
         ) or design.reference is not None:
             raise ValueError(
-                "design.visiting_points, observers, reference: say nothing with initial_states, of which none flies to a visiting "
-                "point; leave them out"
+                "design.visiting_points, observers, reference: say nothing with initial_states, of which none flies to a "
+                "visiting point; leave them out"
             )
         return self
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from swarm_mj.scenarios import constants
-from swarm_mj.scenarios.bodies import PACKAGED_SHAPES
-from swarm_mj.scenarios.section import YOUR_OWN, Parameters, Section
+from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, expanded_body, packaged_bodies
+from swarm_mj.scenarios.section import AXES, YOUR_OWN, Axes, Parameters, Section
 
 SemiAxis = Annotated[float, Field(gt=0, le=2e6)]
 
@@ -104,6 +104,60 @@ class Body(Section):
         if not 0 < value[0] < value[1]:
             raise ValueError(f"= {list(value)}: must be two positive numbers, the smaller one first")
         return value
+
+
+class MutualOrbit(Section):
+    """Keplerian elements of the companion's path relative to the body's centre, at the epoch."""
+
+    semi_major_axis_m: float = Field(gt=0, le=1e9, description="of the ellipse [m]")
+    eccentricity: float = Field(0.0, ge=0, lt=1, description="of the ellipse [-]")
+    inclination_deg: float = Field(0.0, ge=0, le=180, description="to the plane x, y of the axes [deg]")
+    node_deg: float = Field(0.0, ge=-360, le=360, description="longitude of the ascending node [deg]")
+    argument_of_periapsis_deg: float = Field(0.0, ge=-360, le=360, description="from the node [deg]")
+    mean_anomaly_deg: float = Field(0.0, ge=-1e6, le=1e6, description="at the epoch [deg]")
+    axes: Axes = Field("ecliptic", description=f"of the angles; {AXES}")
+    period_s: float | None = Field(
+        None, gt=0, le=1e10, description="of a revolution [s]; null: by the sum of both gravitational parameters"
+    )
+
+
+class MutualPath(Section):
+    """The companion's path by a SPICE kernel of the user's, sampled over the flight."""
+
+    spk: str = Field(
+        description="path of an SPK that holds both bodies (extra `spice`), relative to the scenario's file"
+    )
+    target: str = Field(max_length=36, description="SPICE's name or number of the companion in it")
+    body: str | None = Field(None, max_length=36, description="of the body; null: by body.name")
+
+
+class Companion(Section):
+    """One more body, as of a binary asteroid, that pulls, is hit, hides and shades; docs/how-to/binaries.md."""
+
+    body: Annotated[Body, BeforeValidator(expanded_body, json_schema_input_type=Body | str)] = Field(
+        description=f"its keys, or the name of a packaged body: {', '.join(packaged_bodies())}; its orbit plays no part"
+    )
+    orbit: MutualOrbit | None = Field(None, description="its path relative to the body's centre; null: by ephemeris")
+    ephemeris: MutualPath | None = Field(None, description="its path by a file; null: by orbit")
+    rotation: Literal["own", "locked"] = Field(
+        "own", description="own: by its body.rotation; locked: its +x towards the body, z along the orbit's normal"
+    )
+    body_rotation: Literal["own", "locked"] = Field(
+        "own",
+        description="of the scenario's body; own: by body.rotation; locked: its +x towards the companion, z along the "
+        "normal of an orbit that must be circular",
+    )
+
+    @model_validator(mode="after")
+    def _has_one_path(self) -> Self:
+        if (self.orbit is None) == (self.ephemeris is None):
+            raise ValueError("orbit, ephemeris: give exactly one of them")
+        if self.body_rotation == "locked" and (self.orbit is None or self.orbit.eccentricity > 0.0):
+            raise ValueError(
+                "body_rotation = locked: needs companion.orbit with eccentricity = 0, for the body turns uniformly; give "
+                "body.rotation and body_rotation: own"
+            )
+        return self
 
 
 class Ephemerides(Section):

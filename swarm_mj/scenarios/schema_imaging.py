@@ -62,8 +62,8 @@ class Camera(Section):
     )
     boresight_B: Vector3 = Field(
         (0.0, 0.0, 1.0),
-        description="direction in B in which the camera looks, of any length [-]: the spacecraft turns it, not +z, to the body; x "
-        "of the picture is B's x made perpendicular to it, or y where it looks along x",
+        description="direction in B in which the camera looks, of any length [-]: the spacecraft turns it, not +z, to the body; "
+        "x of the picture is B's x made perpendicular to it, or y where it looks along x",
     )
     misalignment_deg: tuple[SmallAngle, SmallAngle, SmallAngle] = Field(
         (0.0, 0.0, 0.0),
@@ -122,7 +122,6 @@ class Camera(Section):
         description="of a pixel, electrons rms [-], for signal to noise; assumed: of a CMOS detector",
     )
 
-
     @model_validator(mode="before")
     @classmethod
     def _detector_gives_the_field_of_view(cls, data: Any) -> Any:
@@ -167,8 +166,10 @@ class Camera(Section):
     @property
     def as_the_body(self) -> bool:
         """Whether pictures are taken in the frame B of the spacecraft itself."""
-        return self.boresight_B[:2] == (0.0, 0.0) and self.boresight_B[2] > 0.0 and not (
-            self.gimbal or any(self.misalignment_deg)
+        return (
+            self.boresight_B[:2] == (0.0, 0.0)
+            and self.boresight_B[2] > 0.0
+            and not (self.gimbal or any(self.misalignment_deg))
         )
 
 

@@ -8,14 +8,8 @@ from typing import Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from swarm_mj.io.times import SECOND, epoch_of, tdb_date
-from swarm_mj.scenarios.section import Section, Vector3
+from swarm_mj.scenarios.section import AXES, Axes, Section, Vector3
 
-#: Axes in which angles are given; z is the pole of the B-plane.
-Axes = Literal["ecliptic", "equatorial", "body_equator"]
-_AXES = (
-    "ecliptic: N, ecliptic and equinox of J2000; equatorial: EME2000, where longitude and latitude are right ascension and "
-    "declination; body_equator: z along the body's pole, x along the ascending node of its equator on that of EME2000"
-)
 #: Keys that say where it comes from instead of position and velocity.
 WAYS = ("approach", "elements", "ephemeris")
 #: Keys of files that hold a path.
@@ -36,8 +30,8 @@ class PhaseGeometry(Section):
         None,
         ge=-90,
         le=90,
-        description="e, least phase of a passage that leads before the Sun's side of the body, by its sign on which side of the "
-        "flyby's plane the Sun stands [deg]; null: by closest_deg",
+        description="e, least phase of a passage that leads before the Sun's side of the body, by its sign on which side of "
+        "the flyby's plane the Sun stands [deg]; null: by closest_deg",
     )
     closest_deg: float | None = Field(
         None, ge=0, le=180, description="at the closest approach [deg]; null: by least_deg"
@@ -91,7 +85,7 @@ class Approach(Section):
         description="of the direction in which it comes in [deg]; null, as the next four: by phase",
     )
     latitude_deg: float | None = Field(None, ge=-90, le=90, description="of that direction [deg]")
-    axes: Axes = Field("ecliptic", description=f"of the two angles, and whose z is the pole of the B-plane; {_AXES}")
+    axes: Axes = Field("ecliptic", description=f"of the two angles, and whose z is the pole of the B-plane; {AXES}")
     b_t_m: float | None = Field(
         None,
         ge=-1e12,
@@ -169,7 +163,7 @@ class OrbitalState(Section):
         le=1e9,
         description="at the epoch [deg], of a hyperbola e sinh H - H; null: by true_anomaly_deg",
     )
-    axes: Axes = Field("ecliptic", description=f"of the angles; {_AXES}")
+    axes: Axes = Field("ecliptic", description=f"of the angles; {AXES}")
     gm_m3_s2: float | None = Field(None, gt=0, le=1e22, description=_GM)
 
     @model_validator(mode="after")
@@ -312,7 +306,7 @@ class Cartesian(Section):
 
     position_m: Vector3 = Field(description="along the axes [m]")
     velocity_m_s: Vector3 = Field(description="along the axes [m/s]")
-    axes: Axes = Field("ecliptic", description=_AXES)
+    axes: Axes = Field("ecliptic", description=f"of both; {AXES}")
 
 
 class KnownState(Section):
@@ -326,8 +320,8 @@ class KnownState(Section):
         None,
         gt=0,
         le=30 * 86_400.0,
-        description="time past the epoch that counts as its arrival, brought to the next sample of the telemetry [s]; null: the "
-        "closest approach of approach; must be given without one",
+        description="time past the epoch that counts as its arrival, brought to the next sample of the telemetry [s]; null: "
+        "the closest approach of approach; must be given without one",
     )
 
     @model_validator(mode="after")

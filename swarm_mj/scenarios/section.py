@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, model_validator
 
@@ -13,6 +13,12 @@ from swarm_mj.io.values import TOO_LARGE, check_data, shown
 #: Of a position [m], up to some 7 au: two days before a fast flyby a mothership is 1e9 m away.
 Component = Annotated[float, Field(ge=-1e12, le=1e12)]
 Vector3 = Annotated[tuple[Component, Component, Component], Field(description="three components")]
+#: Axes in which angles are given; z is the pole of the B-plane.
+Axes = Literal["ecliptic", "equatorial", "body_equator"]
+AXES = (
+    "ecliptic: N, ecliptic and equinox of J2000; equatorial: EME2000, where longitude and latitude are right ascension and "
+    "declination; body_equator: z along the body's pole, x along the ascending node of its equator on that of EME2000"
+)
 #: How a plug-in of the user's own is named.
 YOUR_OWN = "your own: its name, or FILE.py:CLASS relative to the scenario's file"
 #: Arguments of a plug-in by name.

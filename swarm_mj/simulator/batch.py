@@ -455,7 +455,12 @@ class FlightBatch:
 
     def _attract(self, e: int) -> None:
         state = self.state(e)
-        state.work[Slot.RHO] = state.environment.attraction_A(state.work[Slot.R_A])
+        environment, r_A, C_mid = state.environment, state.work[Slot.R_A], state.C_mid
+        attraction = environment.attraction_A(r_A)
+        if environment.companion is not None:
+            middle = state.time + 0.5 * state.period
+            attraction = attraction + environment.companion.acceleration_N(middle, r_A @ C_mid) @ C_mid.T
+        state.work[Slot.RHO] = attraction
 
     def _attitudes_known(self, e: int) -> Array:
         known = self.conditions is not None and bool(self.conditions.senses[e])

@@ -110,8 +110,8 @@ def make_world(setup: FlightSetup, environment: Environment, remembered: int) ->
 
 
 def gravity_is_compiled(environment: Environment) -> bool:
-    """Whether kernels know the gravity field."""
-    return compiled_field(unscaled(environment.gravity)[0]) is not None
+    """Whether kernels know the gravity field, and it is the only one."""
+    return environment.companion is None and compiled_field(unscaled(environment.gravity)[0]) is not None
 
 
 def compiled_law_of(controller: Controller, world: World) -> tuple[LawFunction, Array] | None:

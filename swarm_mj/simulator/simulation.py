@@ -30,7 +30,7 @@ from swarm_mj.simulator.propulsion import Propulsion
 from swarm_mj.simulator.slots import Peak, Resting, Slot
 from swarm_mj.simulator.state import FlightState, InitialState
 from swarm_mj.smallbody.environment import Environment
-from swarm_mj.smallbody.impact import ImpactWatch
+from swarm_mj.smallbody.impact import CompanionWatch, ImpactWatch
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.control.base import Controller
@@ -77,6 +77,7 @@ class Simulation:
         batch: The batch of one that flies.
         state: The flight's arrays.
         impact_watch: Who looks for impacts; None: nobody.
+        companion_watch: The same of the companion; None: nobody, or there is none.
 
     Raises:
         SwarmError: See `FlightBatch`.
@@ -97,7 +98,14 @@ class Simulation:
         self.batch = FlightBatch(setup, 1, controller, [behavior], force_law)
         self.state: FlightState = self.batch.state(0)
         self.impact_watch = None if shape is None else ImpactWatch(shape, setup.environment, setup.period)
+        companion = None if shape is None else setup.environment.companion
+        self.companion_watch = None if companion is None else CompanionWatch(companion, setup.period)
         self._copy: mujoco.MjData | None = None
+
+    @property
+    def watches(self) -> list[ImpactWatch]:
+        """All who look for impacts."""
+        return [watch for watch in (self.impact_watch, self.companion_watch) if watch is not None]
 
     @property
     def model(self) -> SwarmModel:
@@ -212,8 +220,8 @@ class Simulation:
     def reset(self, initial: InitialState) -> None:
         """Put the swarm at its start and forget everything; faults and dispersions are drawn from the state's seed."""
         self.batch.reset(0, initial)
-        if self.impact_watch is not None:
-            self.impact_watch.reset()
+        for watch in self.watches:
+            watch.reset()
 
     def get_state(self) -> dict[str, Any]:
         """All that the flight is between two control periods, a copy that can be pickled; `set_state` goes on from it.
@@ -226,8 +234,8 @@ class Simulation:
     def set_state(self, saved: dict[str, Any]) -> None:
         """Go on from what `get_state` of such a simulation gave, bit for bit; impacts are watched for anew."""
         self.batch.set_state(0, saved)
-        if self.impact_watch is not None:
-            self.impact_watch.reset()
+        for watch in self.watches:
+            watch.reset()
 
     def ask_again(self) -> None:
         """Have the behaviour asked at the next decision, because it or the state has been told something new."""
@@ -314,9 +322,9 @@ class Recorder:
 
     def _fly_to(self, end: int) -> None:
         """Fly on to the next sample, stopping where impacts are looked for and progress is told of."""
-        state, watch = self._state, self._simulation.impact_watch
+        state, watches = self._state, self._simulation.watches
         while state.tick < end:
-            stop = min(end, state.tick + self._slice, self._news_due, end if watch is None else watch.due)
+            stop = min(end, state.tick + self._slice, self._news_due, *(watch.due for watch in watches))
             if stop > state.tick:
                 self._fly_slice(stop - state.tick)
             if state.tick < end:
@@ -336,10 +344,11 @@ class Recorder:
             self._progress(self._state.time)
 
     def _decide(self) -> Targets:
-        state, watch = self._state, self._simulation.impact_watch
+        state = self._state
         targets = self._simulation.decide()
-        if watch is not None and state.tick >= watch.due:
-            self._look_for_impacts(watch)
+        for watch in self._simulation.watches:
+            if state.tick >= watch.due:
+                self._look_for_impacts(watch)
         if self._progress is not None and state.tick >= self._news_due:
             self._news_due = state.tick + self._news_every
             self._progress(state.time)
@@ -349,6 +358,12 @@ class Recorder:
         state, injection, work = self._state, self._simulation.injection, self._state.work
         flying = state.resting == Resting.FLYING
         hit = watch.look(state.tick, work[Slot.R], work[Slot.V], work[Slot.A], flying)
+        if watch is self._simulation.companion_watch and hit.any():
+            assert state.environment.companion is not None
+            raise SimulationError(
+                f"{state.model.names[int(np.argmax(hit))]} hits the companion, {state.environment.companion.name}, at t = "
+                f"{state.time:g} s: its path crosses the surface, and the flight ends there. Change the mission"
+            )
         for j in np.flatnonzero(hit):
             r_A = state.C_AN @ work[Slot.R, j]
             if injection is None or not injection.losses:

@@ -11,6 +11,7 @@ import numpy as np
 
 from swarm_mj.plugins import as_array, call
 from swarm_mj.scenarios import constants
+from swarm_mj.smallbody.companion import Companion
 from swarm_mj.smallbody.gravity.base import Gravity
 from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
 from swarm_mj.smallbody.perturbations import Sunlight, solar_radiation_pressure, solar_tide
@@ -49,6 +50,7 @@ class Environment:
         solar_tide: Whether the Sun's tide acts.
         srp_area_per_mass: Sunlit area over mass [m^2/kg]; 0 switches radiation pressure off.
         srp_reflectivity: Coefficient C_R.
+        companion: One more body; None: there is none.
     """
 
     gravity: Gravity
@@ -60,6 +62,7 @@ class Environment:
     solar_tide: bool = False
     srp_area_per_mass: float = 0.0
     srp_reflectivity: float = 1.3
+    companion: Companion | None = None
 
     @property
     def spin_N(self) -> Array:
@@ -90,8 +93,8 @@ class Environment:
         return replace(self, gravity=self.gravity.in_cells) if isinstance(self.gravity, Polyhedron) else self
 
     def perturbing_acceleration_N(self, t: float, r_BN_N: Array) -> Array:
-        """Tide and radiation pressure at `r_BN_N`, shape (n, 3) [m], in N [m/s^2]."""
-        total = np.zeros_like(r_BN_N)
+        """Companion, tide and radiation pressure at `r_BN_N`, shape (n, 3) [m], in N [m/s^2]."""
+        total = np.zeros_like(r_BN_N) if self.companion is None else self.companion.acceleration_N(t, r_BN_N)
         if self.solar_tide:
             total += solar_tide(r_BN_N, self.sun.at(t), constants.GM_SUN)
         return total + self.pressure_acceleration_N(t, r_BN_N)

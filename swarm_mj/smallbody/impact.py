@@ -1,4 +1,4 @@
-"""Impact on the body, found at the control period in which it happens.
+"""Impact on the body, and on its companion, found at the control period in which it happens.
 
 The path within one period is taken as straight. Most periods are not tested at all: from the clearance to the nearest vertex
 and the speed follows for how long nothing can be hit.
@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
+from swarm_mj.smallbody.companion import Companion
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.occultation import segments_blocked
 from swarm_mj.smallbody.shape import ShapeModel
@@ -30,7 +31,7 @@ class ImpactWatch:
         period: Time between two looks [s].
     """
 
-    def __init__(self, shape: ShapeModel, environment: Environment, period: float) -> None:
+    def __init__(self, shape: ShapeModel, environment: Environment | Companion, period: float) -> None:
         self._shape, self._environment, self._period = shape, environment, period
         self.reset()
 
@@ -81,3 +82,22 @@ class ImpactWatch:
         c = np.maximum(clearance, 0.0)
         safe_s = np.where(c > 0.0, 2.0 * c / (v + np.sqrt(v * v + 2.0 * a * c) + 1e-12), 0.0)
         return int(min(np.fmin.reduce(safe_s, initial=np.inf) / self._period, 1e6))
+
+
+class CompanionWatch(ImpactWatch):
+    """The same for the companion of the body, which moves.
+
+    Args:
+        companion: What may be hit.
+        period: Time between two looks [s].
+    """
+
+    def __init__(self, companion: Companion, period: float) -> None:
+        super().__init__(companion.shape, companion, period)
+        self._companion = companion
+
+    def look(self, tick: int, r_BN_N: Array, v_BN_N: Array, a_N: Array, flying: Mask) -> Mask:
+        """See `ImpactWatch.look`; positions and velocities are relative to the body, not the companion."""
+        t, h = tick * self._period, self._period
+        (r, v), (_, later) = self._companion.path.state(t), self._companion.path.state(t + h)
+        return super().look(tick, r_BN_N - r, v_BN_N - v, a_N - (later - v) / h, flying)

@@ -92,6 +92,12 @@ class KernelEphemeris:
             state = 1e3 * np.asarray(spice.spkezr(target, et, N, "NONE", self.body)[0])
         return state[:3], state[3:]
 
+    def states_N(self, target: str, ets: Array, key: str, remedy: str) -> Array:
+        """The same at many times, shape (k, 6); errors as for `state_N`."""
+        what = f"{target} as seen from {self.body} from et = {ets[0]:.3f} to {ets[-1]:.3f} s past J2000 TDB"
+        with furnished(self.kernels, key, ScenarioError) as spice, spice_errors(what, remedy, ScenarioError):
+            return 1e3 * np.array([spice.spkezr(target, float(et), N, "NONE", self.body)[0] for et in ets])
+
     def _frame(self, spice: Any) -> str:
         if self.frame is not None:
             if not spice.namfrm(self.frame):

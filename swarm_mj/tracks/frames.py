@@ -25,6 +25,19 @@ FROM_N: Final = {
 }
 
 
+def axes_of_pole(name: str, pole_N: Array) -> Array:
+    """Axes by their name in a scenario, of a body with that pole, shape (3,): the rows are x, y, z in N, shape (3, 3)."""
+    if name == "ecliptic":
+        return np.eye(3)
+    if name == "equatorial":
+        return C_EN
+    node = np.cross(C_EN[2], pole_N)
+    # The node has no direction where the body's equator is that of EME2000: the equinox then.
+    node = C_EN[0] - (C_EN[0] @ pole_N) * pole_N if np.linalg.norm(node) < 1e-9 else node
+    node = node / np.linalg.norm(node)
+    return np.stack([node, np.cross(pole_N, node), pole_N])
+
+
 def from_N(name: str, where: str) -> Array:
     """From components in N to components in the frame of that name, shape (3, 3); `where`: file and key, for messages.
 

@@ -1,4 +1,4 @@
-"""Six very different missions, each a scenario beside this file: for whatever has to hold beyond the paper's own flight.
+"""Seven very different missions, each a scenario beside this file: for whatever has to hold beyond the paper's own flight.
 
 `mission(name, folder)` gives a scenario; meshes that a scenario names are made where it is put. `fly` flies one and looks at
 the pictures, in seconds.
@@ -17,7 +17,7 @@ from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 
 #: The packaged flight, and the files beside this one.
-MISSIONS = ("eros-quick", "pebble", "fast_flyby", "dumbbell", "lone", "large")
+MISSIONS = ("eros-quick", "pebble", "fast_flyby", "dumbbell", "lone", "large", "binary")
 
 
 def ellipsoid(a_m, b_m, c_m, frequency=8):

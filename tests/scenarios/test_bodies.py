@@ -21,6 +21,9 @@ PUBLISHED = {
     "itokawa": (1.773e7, 0.01e7, 535.0, 40.0),
     # In closed form: abc 4 pi / 3 times the mean of (0.3 + 0.7 u_x^2)^3; the mesh is inscribed.
     "dumbbell": (0.72e9 * 4.0 * np.pi / 3.0 * (0.027 + 0.063 + 0.0882 + 0.049), 3e6, 2000.0, 1.0),
+    # Before the impact of DART: Barnouin et al. 2024 and Daly et al. 2024, ellipsoids.
+    "didymos": (np.pi / 6.0 * 819.0 * 801.0 * 607.0, 1.5e6, 819.0, 2.0),
+    "dimorphos": (np.pi / 6.0 * 179.0 * 169.0 * 115.0, 1.5e4, 179.0, 0.5),
     "lutetia": (np.pi / 6.0 * 121e3 * 101e3 * 75e3, 3e12, 121e3, 300.0),
 }
 
@@ -96,7 +99,10 @@ def test_an_ellipsoid_by_its_axes_has_the_volume_of_an_ellipsoid():
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        ("benu", r"body = 'benu' is no packaged body: did you mean 'bennu'\? there are bennu, dumbbell, eros"),
+        (
+            "benu",
+            r"body = 'benu' is no packaged body: did you mean 'bennu'\? there are bennu, didymos, dimorphos, dumbbell",
+        ),
         ({"shape": "ellipsoid"}, "the shape 'ellipsoid' needs semi_axes_m"),
         ({"semi_axes_m": [1, 2, 3]}, "no other shape takes them"),
         ({"shape": "ellipsoid", "semi_axes_m": [1, 2, 0]}, "semi_axes_m"),

@@ -119,12 +119,13 @@ def _file(scenario: Scenario) -> Path | None:
 
 
 def _is_known(scenario: Scenario) -> bool:
-    named = {
-        plugins.GRAVITY: scenario.body.gravity.model,
-        plugins.BEHAVIORS: scenario.behavior.name,
-        plugins.CONTROLLERS: scenario.control.controller,
-    }
-    return all(plugins.find(group, name).__module__.startswith("swarm_mj.") for group, name in named.items())
+    bodies = [scenario.body, *([scenario.companion.body] if scenario.companion else [])]
+    named = [
+        *((plugins.GRAVITY, body.gravity.model) for body in bodies),
+        (plugins.BEHAVIORS, scenario.behavior.name),
+        (plugins.CONTROLLERS, scenario.control.controller),
+    ]
+    return all(plugins.find(group, name).__module__.startswith("swarm_mj.") for group, name in named)
 
 
 def _files_in(told: Any) -> Iterator[Path]:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swarm_mj.designer.candidates.flights import CandidateFlights
-from swarm_mj.flight.observe import LooksTaken
+from swarm_mj.flight.observe import LooksTaken, screen_of
 from swarm_mj.io import interruption
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.io.machine import usable_cores
@@ -30,9 +30,11 @@ from swarm_mj.observation.capture import (
     judge,
     limits_of,
     lit_cells,
+    screened,
     sight,
     visible_share,
 )
+from swarm_mj.observation.companion import Screen, Shade
 from swarm_mj.observation.coverage import Cause
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
 from swarm_mj.observation.quality import Looks
@@ -226,6 +228,7 @@ class Judge:
         self._limits = limits_of(criterion, self.observer.camera, region)
         self._reach, self._cells = reach_of(self.observer, criterion), cells_of(region)
         self._lit: dict[tuple[int, int], Mask] = {}
+        self._screens: dict[int, Screen | None] = {}
         self._all_lit = np.ones((1, region.n_cells), np.bool_)
         #: Why each cell is seen by none of those judged so far, in the picture that came nearest to it.
         self.why = np.full(region.n_cells, Cause.NO_PICTURE, np.int8)
@@ -266,13 +269,15 @@ class Judge:
                 watcher = watchers[j]
                 seen = np.zeros(self.region.n_cells, dtype=np.bool_)
                 for row, k in enumerate(watcher.pictures):
+                    shade = self._shade_at(watcher.flights, int(k))
                     cause = judge(
                         self.observer,
                         self.criterion,
                         CameraPose(watcher.flights.r_A[k, watcher.number], watcher.flights.C_CA[k, watcher.number]),
                         partial(self._light, watcher.flights, int(k)),
-                        partial(share.__getitem__, row),
+                        partial(self._share, share[row], watcher.flights.r_A[k, watcher.number], shade),
                         partial(self._motion_blur, watcher, int(k)),
+                        shade,
                     )
                     seen |= cause == Cause.NONE
                     self._keep(watcher, j, int(k), np.flatnonzero(cause == Cause.NONE))
@@ -293,8 +298,18 @@ class Judge:
         if key not in self._lit:
             environment, t = flights.plan.environment, float(flights.times[k])
             sun_A = environment.C_AN(t) @ environment.sun.at(t)
-            self._lit[key] = lit_cells(self.observer, self.criterion, sun_A)
+            self._lit[key] = lit_cells(self.observer, self.criterion, sun_A, self._shade_at(flights, k))
         return self._lit[key]
+
+    def _shade_at(self, flights: CandidateFlights, k: int) -> Shade | None:
+        """The companion at one of the flights' times; None: there is none."""
+        if id(flights) not in self._screens:
+            self._screens[id(flights)] = screen_of(flights.plan.environment)
+        screen = self._screens[id(flights)]
+        return None if screen is None else screen.at(float(flights.times[k]))
+
+    def _share(self, share: Array, r_A: Array, shade: Shade | None) -> Array:
+        return screened(share, self.observer, r_A, shade, whole=self.imaging_model.whole)
 
     def _motion_blur(self, watcher: Watcher, k: int) -> Array:
         """Motion blur of every cell in a picture of a candidate, which turns as it is commanded [px]."""
