@@ -62,8 +62,8 @@ class Camera(Section):
     )
     boresight_B: Vector3 = Field(
         (0.0, 0.0, 1.0),
-        description="direction in B in which the camera looks, of any length [-]: the spacecraft turns it, not +z, to the body; "
-        "x of the picture is B's x made perpendicular to it, or y where it looks along x",
+        description="direction in B in which the camera looks, of any length [-]: the spacecraft turns it, not +z, to the "
+        "body; x of the picture is B's x made perpendicular to it, or y where it looks along x",
     )
     misalignment_deg: tuple[SmallAngle, SmallAngle, SmallAngle] = Field(
         (0.0, 0.0, 0.0),
