@@ -196,3 +196,91 @@ def test_each_spacecraft_is_computed_on_its_own() -> None:
         alone = track(rho[one], rho_dot[one], rho_ddot[one], q_BN[one], restart[i], q_RN[one])
         for joint, single in zip(together, alone, strict=True):
             np.testing.assert_array_equal(joint[one], single)
+
+
+def second_axis(towards: guidance.Towards, direction=(0.3, -0.5, 0.8)) -> guidance.Aiming:
+    d, axis = np.array(direction), np.array([0.2, 1.0, 0.1])
+    return guidance.PLAIN._replace(
+        towards=int(towards), axis_B=axis / np.linalg.norm(axis), direction_N=d / np.linalg.norm(d)
+    )
+
+
+def orbit(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Spacecraft on circles about the origin, which turn about different normals, so that r x v stays where it is."""
+    rng = np.random.default_rng(5)
+    a, b = rng.normal(size=(2, N, 3)) * 10e3
+    b -= a * (np.einsum("ij,ij->i", a, b) / np.einsum("ij,ij->i", a, a))[:, None]
+    return a * np.cos(0.01 * t) + b * np.sin(0.01 * t), 0.01 * (b * np.cos(0.01 * t) - a * np.sin(0.01 * t)), -1e-4 * (
+        a * np.cos(0.01 * t) + b * np.sin(0.01 * t)
+    )
+
+
+SUN, EARTH = np.array([1.2e11, -0.5e11, 0.3e11]), np.array([-0.4e11, 1.1e11, 0.2e11])
+
+
+def rolled(h: float, steps: int, aiming: guidance.Aiming) -> list[Reference]:
+    q = random_attitudes()
+    result: list[Reference] = []
+    for k in range(steps):
+        r, v, a = orbit(k * h)
+        target = flyby(k * h)
+        sight = LineOfSight(target[0] - r, target[1] - v, target[2] - a)
+        start = result[-1].q_RN if result else q
+        reference = track(*sight, q, not result, start)
+        guidance.roll_references(aiming, SUN, EARTH, r, v, a, sight, reference)
+        result.append(reference)
+    return result
+
+
+KINDS = [kind for kind in guidance.Towards if kind != guidance.Towards.NOTHING]
+
+
+@pytest.mark.parametrize("towards", KINDS)
+def test_the_second_axis_is_as_near_to_its_direction_as_pointing_lets_it(towards) -> None:
+    aiming = second_axis(towards)
+    r, v, _ = orbit(20 * 0.05)
+    reference = rolled(0.05, 21, aiming)[-1]
+    wanted = {
+        guidance.Towards.SUN: np.broadcast_to(SUN, r.shape),
+        guidance.Towards.EARTH: np.broadcast_to(EARTH, r.shape),
+        guidance.Towards.VELOCITY: v,
+        guidance.Towards.DIRECTION: np.broadcast_to(aiming.direction_N, r.shape),
+        guidance.Towards.ORBIT_NORMAL: np.cross(r, v),
+    }[towards]
+    turns = Rotation.from_quat(reference.q_RN, scalar_first=True)
+    np.testing.assert_allclose(z_axes(reference.q_RN), reference.los_N, rtol=0, atol=1e-15)
+
+    def nearness(angle: float) -> np.ndarray:
+        axis = (Rotation.from_rotvec(angle * reference.los_N) * turns).apply(aiming.axis_B)
+        return np.einsum("ij,ij->i", axis, wanted / np.linalg.norm(wanted, axis=1, keepdims=True))
+
+    best = nearness(0.0)
+    clear = np.linalg.norm(np.cross(reference.los_N, wanted), axis=1) > 0.1 * np.linalg.norm(wanted, axis=1)
+    assert clear.sum() > N // 2
+    assert all((nearness(angle) < best)[clear].all() for angle in (-2.0, -0.3, -1e-3, 1e-3, 0.3, 2.0, np.pi))
+
+
+@pytest.mark.parametrize("towards", KINDS)
+def test_rates_of_a_rolled_reference_are_derivatives_of_its_attitude_and_of_its_rate(towards) -> None:
+    h = 0.01
+    references = rolled(h, 41, second_axis(towards))
+    roll = 0.0
+    for before, now, after in zip(references[:-2], references[1:-1], references[2:], strict=True):
+        np.testing.assert_allclose(rate_between(before.q_RN, after.q_RN, 2 * h), now.omega_RN_N, rtol=0, atol=1e-8)
+        change = (after.omega_RN_N - before.omega_RN_N) / (2 * h)
+        loose = towards == guidance.Towards.VELOCITY  # whose second derivative is left out
+        if not loose:
+            np.testing.assert_allclose(change, now.domega_RN_N, rtol=0, atol=1e-8)
+        roll = max(roll, np.abs(np.einsum("ij,ij->i", now.omega_RN_N, now.los_N)).max())
+    assert roll > 1e-4
+
+
+def test_a_direction_on_the_line_of_sight_does_not_turn_the_reference() -> None:
+    target = flyby(0.0)
+    q = random_attitudes()
+    plain = track(*target, q, True, q)
+    for k in range(N):
+        aiming = second_axis(guidance.Towards.DIRECTION, plain.los_N[k] + 0.05 * np.array([0.0, 0.0, 1.0]))
+        reference = track(*target, q, True, q)
+        guidance.roll_references(aiming, SUN, EARTH, *target, LineOfSight(*target), reference)
+        np.testing.assert_array_equal(reference.q_RN[k], plain.q_RN[k])
