@@ -18,7 +18,7 @@ from swarm_mj.dataflow.link_budget import RateTable, rate_at
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight.companion import refuse_companion
 from swarm_mj.flight.fly import initial_state, make_simulation
-from swarm_mj.flight.observe import camera_from, schedule_from
+from swarm_mj.flight.observe import camera_from, refuse_sequence, schedule_from
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.mission.target import TargetRegion, automatic_cell_size, whole_body
@@ -399,6 +399,7 @@ def make_own(
         ScenarioError: Compiled code cannot fly it; the message says why.
     """
     refuse_companion(scenario, "SwarmObserve-v0")
+    refuse_sequence(scenario, "SwarmObserve-v0")
     plan, design = make_plan(scenario), scenario.design
     whole = target == "body" or plan.region.kind == "body"
     if plan.region.is_wide and not whole:

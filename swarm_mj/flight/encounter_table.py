@@ -21,7 +21,7 @@ from swarm_mj.coordination.encounter import (
     turning_angles,
 )
 from swarm_mj.coordination.replanning import planned_alone, planned_together, problem_of
-from swarm_mj.flight.observe import camera_from, schedule_from
+from swarm_mj.flight.observe import camera_from, refuse_sequence, schedule_from
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.observation.observer import make_observer
@@ -55,6 +55,7 @@ def encounter_of(plan: Any, tolerance: float = TOLERANCE) -> Encounter:
     below `tolerance` of the camera's half-angle.
     """
     scenario = plan.scenario
+    refuse_sequence(scenario, f"a swarm that plans its pictures (behavior.name = {scenario.behavior.name})")
     parts = (plan.deployment, plan.region, plan.environment, plan.controller, plan.properties)
     sections = (scenario.camera, scenario.observation, scenario.control, scenario.design)
     settings = f"{tolerance} {scenario.duration_s} {[section.model_dump_json() for section in sections]}"

@@ -198,7 +198,7 @@ class EncounterCheck:
         scenario, met = self.scenario, self.arrival
         radius, interval, found = scenario.behavior.imaging_radius_m, scenario.observation.interval_s, []
         entry_s, passage = zip(*(_passage(met.r_N[j], met.v_N[j], radius) for j in range(len(met.t))), strict=True)
-        if scenario.observation.criterion == "passage":
+        if scenario.observation.criterion == "passage" and not scenario.observation.sequence:
             if (shortest := min(passage)) < interval:
                 found.append(
                     f"observation.interval_s = {interval:g}: an observer is inside behavior.imaging_radius_m = {radius:g} for "

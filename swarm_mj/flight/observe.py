@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from swarm_mj.dataflow.delivery import Delivery
+from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.light import Turning, lit_sometime
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, Motion, motion_blur_px
@@ -119,12 +120,40 @@ def camera_from(scenario: Scenario) -> CameraModel:
 
 def schedule_from(scenario: Scenario, period_s: float) -> PictureSchedule:
     """When qualifying images are taken, by the scenario, in instants of a clock with this period [s]."""
-    return PictureSchedule.by_clock(
+    schedule = PictureSchedule.by_clock(
         period_s,
         interval_s=scenario.observation.interval_s,
         arrivals_s=arrival_times(scenario),
         arrival_only=scenario.observation.criterion == "arrival",
     )
+    if not scenario.observation.sequence:
+        return schedule
+    listed: list[set[int]] = [set() for _ in schedule.arrivals]
+    for who, t, _ in sequence_of(scenario):
+        listed[who].add(round(t / period_s))
+    return replace(schedule, listed=tuple(frozenset(each) for each in listed))
+
+
+def sequence_of(scenario: Scenario) -> Iterator[tuple[int, float, float | None]]:
+    """Pictures of `observation.sequence`: who takes each, from 0, at which sample of the telemetry [s], its own exposure [s]."""
+    interval_s = scenario.telemetry.interval_s
+    for picture in scenario.observation.sequence:
+        t = interval_s * round(picture.seconds_after(scenario.epoch) / interval_s)
+        everybody = range(len(scenario.design.visiting_points))
+        for who in everybody if picture.spacecraft is None else (picture.spacecraft - 1,):
+            yield who, t, picture.exposure_s
+
+
+def refuse_sequence(scenario: Scenario, what: str) -> None:
+    """Refuse a scenario whose pictures are taken by a table where they can only be taken at equal intervals.
+
+    Raises:
+        ScenarioError: It has one.
+    """
+    if scenario.observation.sequence:
+        raise ScenarioError(
+            f"observation.sequence: {what} takes pictures every observation.interval_s; leave the sequence out"
+        )
 
 
 def observer_from(scenario: Scenario, region: TargetRegion) -> Observer:
@@ -283,6 +312,8 @@ class LooksTaken:
             return np.nan
         reflectance = albedo * np.cos(incidence(region, picture.sun_A)[cells])
         distance = float(np.linalg.norm(picture.sun_A))
+        if picture.exposure_s is not None:
+            camera = camera.model_copy(update={"exposure_s": picture.exposure_s})
         return signal_to_noise(camera, electrons(camera, self._observer.camera.pixel_angle, reflectance, distance))
 
     def quality(self) -> Quality | None:
@@ -312,13 +343,16 @@ def flight_pictures(plan: Observed, telemetry: xr.Dataset, *, camera_on: bool = 
     who, environment = watching_in(telemetry, plan.n_observers, camera_on=camera_on), plan.environment
     schedule, r_BN_N = _passage(plan.scenario), telemetry["r_BN_N"].values
     C_CN, omega_CN_C = flown_cameras(plan.scenario, telemetry)
+    interval_s = plan.scenario.telemetry.interval_s
+    exposures = {(who, round(t / interval_s)): exposure for who, t, exposure in sequence_of(plan.scenario)}
     # Of a flight flown elsewhere no rates are known.
     rates = [] if omega_CN_C is None or "v_BN_N" not in telemetry else [telemetry["v_BN_N"].values, omega_CN_C]
     for k in picture_samples(plan.scenario, telemetry):
         t = float(telemetry["time"].values[k])
         taking = who[k] & schedule.takers(k, plan.n)
         moving = Motion(rates[0][k], rates[1][k], environment.spin_N) if len(rates) == 2 else None
-        yield from pictures(t, taking, r_BN_N[k], C_CN[k], environment.C_AN(t), environment.sun.at(t), moving)
+        for picture in pictures(t, taking, r_BN_N[k], C_CN[k], environment.C_AN(t), environment.sun.at(t), moving):
+            yield picture.exposed(exposures.get((picture.spacecraft, k)))
 
 
 def flown_cameras(scenario: Scenario, telemetry: xr.Dataset) -> tuple[Array, Array | None]:

@@ -138,7 +138,9 @@ def _region(scenario: Scenario, shape: ShapeModel, features: Sequence[Feature]) 
 def _lit(scenario: Scenario, region: TargetRegion) -> Mask:
     """Cells that are lit when `target.lit_at` says."""
     observation, design = scenario.observation, scenario.design
-    times = np.arange(0.0, scenario.duration_s + 0.5 * observation.interval_s, observation.interval_s)
+    times = np.array([picture.seconds_after(scenario.epoch) for picture in observation.sequence])
+    if not len(times):
+        times = np.arange(0.0, scenario.duration_s + 0.5 * observation.interval_s, observation.interval_s)
     if scenario.target.lit_at == "arrival":
         times = np.array([design.release_s + design.time_of_flight_s])
     tracer = RayTracer(region.vertices, region.faces)

@@ -231,6 +231,64 @@ class PointAims:
         return self.inner.steady_for(view, memory) if isinstance(self.inner, SteadyBehavior) else 0.0
 
 
+@dataclass(frozen=True)
+class BodyTracking:
+    """All look at the body from the start of a flight on, however far it is, and later elsewhere.
+
+    Attributes:
+        n_observers: Number of spacecraft.
+        imaging_radius_m: Of no meaning here.
+        until_s: Past the epoch, until when they look at the body [s].
+        then: Afterwards: 'hold' stays turned to where the body was then, 'earth' looks there, 'body' on at the body.
+        bus: What the spacecraft is turned to until then: 'body'; 'velocity', where its +z stays on the velocity in N that it had at
+            the start; or a direction in N. The last two are for a camera that turns by itself (`camera.gimbal`).
+    """
+
+    n_observers: int
+    imaging_radius_m: float
+    until_s: float = inf
+    then: str = "hold"
+    bus: str | tuple[float, float, float] = "body"
+    dedicated_communications: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        key = "behavior.parameters"
+        if not isinstance(self.until_s, float | int) or not self.until_s >= 0.0:
+            raise MissionError(f"{key}.until_s = {self.until_s!r}: must be a time past the epoch of 0 or more [s]")
+        if self.then not in ("hold", "earth", "body"):
+            raise MissionError(f"{key}.then = {self.then!r}: must be hold, earth or body")
+        if isinstance(self.bus, str):
+            if self.bus not in ("body", "velocity"):
+                raise MissionError(f"{key}.bus = {self.bus!r}: must be body, velocity, or a direction [x, y, z] in N")
+            return
+        direction = np.asarray(self.bus, dtype=np.float64)
+        if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
+            raise MissionError(f"{key}.bus = {self.bus!r}: must be three finite numbers, not all zero")
+
+    def targets(self, view: SwarmView, memory: tuple[Array, Array | None] | None) -> tuple[Targets, Any]:
+        """See `Behavior`; the memory is the first velocities, and the directions to the body at the end of its tracking."""
+        targets = _empty(self.n_observers)
+        first_v, last = (view.v_BN_N.copy(), None) if memory is None else memory
+        if view.t < self.until_s:
+            if self.bus != "body":
+                targets.kind[:] = TargetKind.DIRECTION
+                targets.vector[:] = _unit_rows(first_v if isinstance(self.bus, str) else np.array([self.bus], float))
+        elif self.then == "earth":
+            targets.kind[:] = TargetKind.EARTH
+        elif self.then == "hold":
+            last = _unit_rows(-view.r_BN_N) if last is None else last
+            targets.kind[:], targets.vector[:] = TargetKind.DIRECTION, last
+        return targets, (first_v, last)
+
+    def steady_for(self, view: SwarmView, memory: Any) -> float:
+        """See `SteadyBehavior`."""
+        return float(self.until_s - view.t) if view.t < self.until_s else inf
+
+
+def _unit_rows(v: Array) -> Array:
+    return v / np.linalg.norm(v, axis=1, keepdims=True)
+
+
 def _empty(n: int) -> Targets:
     return Targets(np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros((n, 3)))
 

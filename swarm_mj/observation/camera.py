@@ -199,10 +199,12 @@ class CameraMotion(NamedTuple):
     Attributes:
         v_A: Velocity in A relative to A [m/s], shape (3,).
         omega_C: Angular velocity of the camera relative to A, components in C [rad/s], shape (3,).
+        exposure_s: How long it moves so while a picture is exposed [s]; None: the camera's exposure.
     """
 
     v_A: Array
     omega_C: Array
+    exposure_s: float | None = None
 
 
 class Motion(NamedTuple):
@@ -228,11 +230,12 @@ class Motion(NamedTuple):
 def motion_blur_px(region: TargetRegion, camera: CameraModel, r_A: Array, C_CA: Array, motion: CameraMotion) -> Array:
     """Motion blur of every cell's centroid [px of the detector], shape (n,); infinite where it is not ahead of the camera.
 
-    Exposure and angle of a pixel are the camera's; `r_A` [m], shape (3,), and `C_CA`, shape (3, 3), are its pose.
+    Exposure, where the motion names no other, and angle of a pixel are the camera's; `r_A` [m], shape (3,), and `C_CA`, shape (3, 3), are its pose.
     """
     p = (region.centroid_A - r_A) @ C_CA.T
     p_dot = -(C_CA @ motion.v_A) - np.cross(motion.omega_C, p)
     depth = np.where(p[:, 2] > 0.0, p[:, 2], np.nan)
     image_dot = (p_dot[:, :2] - p[:, :2] * (p_dot[:, 2:] / depth[:, None])) / depth[:, None]
-    moved = camera.exposure_s * np.hypot(image_dot[:, 0], image_dot[:, 1]) / camera.pixel_angle
+    exposure_s = camera.exposure_s if motion.exposure_s is None else motion.exposure_s
+    moved = exposure_s * np.hypot(image_dot[:, 0], image_dot[:, 1]) / camera.pixel_angle
     return np.where(np.isnan(depth), np.inf, moved)

@@ -46,11 +46,13 @@ class PictureSchedule:
         every: Instants from one picture to the next.
         arrivals: The instant of each observer's arrival, at which it always takes one.
         arrival_only: Whether there is none besides.
+        listed: Instants of each observer's pictures, at which and no others they are taken; None: as the others say.
     """
 
     every: int
     arrivals: tuple[int, ...]
     arrival_only: bool = False
+    listed: tuple[frozenset[int], ...] | None = None
 
     @classmethod
     def by_clock(
@@ -62,10 +64,14 @@ class PictureSchedule:
 
     def due(self, tick: Any) -> Any:
         """Whether pictures of anybody are due at an instant, or an array of them."""
+        if self.listed is not None:
+            return np.isin(tick, list(frozenset().union(*self.listed)))
         return np.isin(tick, self.arrivals) | ((not self.arrival_only) & (tick % self.every == 0))
 
     def takers(self, tick: int, n: int) -> Mask:
         """Whose pictures are due at an instant, of n spacecraft of which the observers are the first, shape (n,)."""
+        if self.listed is not None:
+            return np.array([j < len(self.listed) and tick in self.listed[j] for j in range(n)])
         who = np.full(n, not self.arrival_only and tick % self.every == 0)
         # Of a flight by files there may be fewer than the scenario has observers.
         who[: len(self.arrivals)] |= np.array(self.arrivals[:n]) == tick
@@ -104,6 +110,7 @@ class Picture(NamedTuple):
         C_CA: Rotation from A to the camera frame, which is the spacecraft's B, shape (3, 3).
         sun_A: Direction to the Sun in A, of any length, shape (3,).
         motion: How the camera moves relative to the body; None where that is not known.
+        exposure_s: Of the picture [s]; None: the camera's.
     """
 
     t: float
@@ -112,6 +119,14 @@ class Picture(NamedTuple):
     C_CA: Array
     sun_A: Array
     motion: CameraMotion | None = None
+    exposure_s: float | None = None
+
+    def exposed(self, exposure_s: float | None) -> Picture:
+        """The picture with an exposure of its own [s], if it is given."""
+        if exposure_s is None:
+            return self
+        motion = None if self.motion is None else self.motion._replace(exposure_s=exposure_s)
+        return self._replace(motion=motion, exposure_s=exposure_s)
 
     @property
     def pose(self) -> CameraPose:

@@ -27,6 +27,7 @@ from swarm_mj.scenarios.limits import MAX_INTEGER_CHARACTERS, check_work
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_mothership import FILES
 from swarm_mj.scenarios.schema_sensors import sensor_class
+from swarm_mj.scenarios.schema_sequence import read_sequence
 
 #: What a scenario is read from: a packaged name, the path of a YAML file, what such a file holds, or a scenario.
 ScenarioSource = str | Path | Mapping[str, Any] | Scenario
@@ -167,6 +168,9 @@ def _mapping_of(source: ScenarioSource) -> tuple[dict[str, Any], str]:
 def scenario_from(data: Mapping[str, Any], source: str = "scenario") -> Scenario:
     """Check a mapping against the schema and the limits; `source` names its origin in errors."""
     check_data(data, source)
+    observation = data.get("observation")
+    if isinstance(observation, Mapping) and isinstance(table := observation.get("sequence"), str):
+        data = {**data, "observation": {**observation, "sequence": read_sequence(table)}}
     try:
         scenario = Scenario.model_validate(data)
     except ValidationError as error:
@@ -187,6 +191,7 @@ def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
     for section, key, names in (
         ("body", "shape", PACKAGED_SHAPES),
         ("target", "polygon_file", []),
+        ("observation", "sequence", []),
         ("design", "reference", packaged_files("designs", ".json")),
         ("spacecraft", "mjcf", []),
         *(("mothership.ephemeris", key, []) for key in FILES),

@@ -62,8 +62,8 @@ class Target(Section):
     )
     lit_at: Literal["passage", "arrival"] = Field(
         "passage",
-        description="when the lit part is lit: at some picture time of the flight, every observation.interval_s from the epoch "
-        "on, or at the common arrival, design.release_s + time_of_flight_s",
+        description="when the lit part is lit: at some picture time of the flight, from the epoch on every observation.interval_s or "
+        "as observation.sequence says, or at the common arrival, design.release_s + time_of_flight_s",
     )
     weight: Weight = Field(
         1.0,
@@ -209,8 +209,8 @@ class Behavior(Section):
 
     name: str = Field(
         "dedicated_communications",
-        description="plug-in: dedicated_communications, adaptable_roles, target_sweep, planned_sweep, scripted_policy, "
-        f"trained_policy or {YOUR_OWN}",
+        description="plug-in: dedicated_communications, adaptable_roles, body_tracking, target_sweep, planned_sweep, "
+        f"scripted_policy, trained_policy or {YOUR_OWN}",
     )
     parameters: Parameters = Field(default_factory=dict, description="arguments of the plug-in")
     imaging_radius_m: float = Field(
@@ -490,6 +490,33 @@ class Scenario(Section):
                 f"dispersions.target_m = {self.dispersions.target_m:g}: must be 0 with target.region = {self.target.region}, "
                 "which has no place that could be wrong"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _sequence_can_be_flown(self) -> Self:
+        sequence, interval = self.observation.sequence, self.telemetry.interval_s
+        if not sequence:
+            return self
+        if self.observation.criterion == "arrival":
+            raise ValueError("observation.criterion = arrival: counts no picture of observation.sequence; must be passage")
+        taken: dict[tuple[int | None, int], int] = {}
+        observers = len(self.design.visiting_points)
+        for k, picture in enumerate(sequence):
+            key, t = f"observation.sequence.{k}", picture.seconds_after(self.epoch)
+            if not 0.0 <= t <= self.duration_s:
+                raise ValueError(
+                    f"{key}.time = {picture.time}: is {t:g} s past the epoch; must be from 0 to duration_s = {self.duration_s:g}"
+                )
+            if (picture.spacecraft or 1) > observers:
+                raise ValueError(f"{key}.spacecraft = {picture.spacecraft}: must be an observer, from 1 to {observers}")
+            tick = round(t / interval)
+            for who in (picture.spacecraft, None) if picture.spacecraft else range(observers + 1):
+                if (before := taken.get((who or None, tick))) is not None:
+                    raise ValueError(
+                        f"{key}.time = {picture.time}: falls on the sample of the telemetry of observation.sequence.{before}; "
+                        f"take it out, or shorten telemetry.interval_s = {interval:g}"
+                    )
+            taken[picture.spacecraft, tick] = k
         return self
 
     @model_validator(mode="after")

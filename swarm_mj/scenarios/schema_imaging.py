@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from swarm_mj.scenarios.constants import CUBESAT_APERTURE_M, GREEN_LIGHT_M
 from swarm_mj.scenarios.schema_quality import PACKAGED, Classes
+from swarm_mj.scenarios.schema_sequence import MAX_PICTURES, Pictures
 from swarm_mj.scenarios.section import Section, Vector3
 
 #: Least `observation.min_fraction` by which whole cells are meant: counts of pixels do not tell 99 % of a cell from all of it.
@@ -185,6 +186,13 @@ class Observation(Section):
         "passage", description="count the whole passage inside the imaging region, or only the instant of the arrival"
     )
     interval_s: float = Field(10.0, gt=0, description="time between two images of a spacecraft [s]")
+    sequence: Pictures = Field(
+        (),
+        max_length=MAX_PICTURES,
+        description="pictures that are taken, and no others, each at the nearest sample of the telemetry: entries with time, "
+        "exposure_s and spacecraft, times alone, or the name of a CSV file with these columns; empty: one every interval_s; "
+        "docs/how-to/sequences.md",
+    )
     min_fraction: float = Field(
         0.5,
         gt=0,

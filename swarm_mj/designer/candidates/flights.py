@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from swarm_mj.coordination.encounter import settling_times
-from swarm_mj.errors import MissionError, PathError
+from swarm_mj.errors import MissionError, PathError, ScenarioError
 from swarm_mj.flight.burns import total_delta_v
 from swarm_mj.flight.environment import load_body_shape
 from swarm_mj.flight.observe import schedule_from
@@ -258,7 +258,16 @@ def _settled(plan: Plan, times: Array) -> Mask:
 
 
 def _picture_times(scenario: Scenario) -> tuple[Array, Mask]:
-    """Times of all pictures of the passage [s], and which of them count."""
+    """Times of all pictures of the passage [s], and which of them count.
+
+    Raises:
+        ScenarioError: A table names who takes them, which is for the design to say.
+    """
+    for k, picture in enumerate(scenario.observation.sequence):
+        if picture.spacecraft is not None:
+            raise ScenarioError(
+                f"observation.sequence.{k}.spacecraft = {picture.spacecraft}: a design decides who flies; leave it out"
+            )
     times = sample_times(scenario.duration_s, scenario.telemetry.interval_s)
     schedule = schedule_from(scenario, scenario.telemetry.interval_s)
     ticks = replace(schedule, arrival_only=False).ticks(len(times) - 1)
