@@ -128,7 +128,7 @@ def imaging_findings(scenario: Scenario, summary: dict[str, Any]) -> list[str]:
     radius_km = scenario.behavior.imaging_radius_m / 1e3
     distances = list(summary["least_distance_to_centre_km"].items())[: summary["observers"]]
     outside = {name: distance for name, distance in distances if distance > radius_km}
-    if not outside:
+    if not outside or scenario.behavior.name == "body_tracking":  # which knows no radius
         return []
     nothing = "no picture was taken: " if not summary["images"] else ""
     names = ", ".join(outside) if len(outside) <= MOST_NAMES else f"{len(outside)} spacecraft"

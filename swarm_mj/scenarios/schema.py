@@ -461,6 +461,8 @@ class Scenario(Section):
             return data
         filled: dict[str, Any] = {"visiting_points": (1,) * len(states)}
         filled["observers"] = tuple(_visit_of(state, epoch, interval_s) for state in states)
+        if (last := max(visit.time_of_flight_s or 0.0 for visit in filled["observers"])) > 0.0:
+            filled["time_of_flight_s"] = last
         if passing := [state.approach.miss_m for state in states if state.approach is not None]:
             filled["imaging_altitude_m"] = max(min(passing), 1.0)
         return {**data, "design": {**filled, **design}}
