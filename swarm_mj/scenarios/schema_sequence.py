@@ -23,7 +23,7 @@ class TimedPicture(Section):
     """One picture of a sequence."""
 
     time: float | str = Field(
-        description="when it is taken: seconds past the epoch, or a date as of epoch, in UTC with a trailing Z, else in TDB"
+        description="when it is taken: past the epoch [s], or a date as of epoch, in UTC with a trailing Z, else in TDB"
     )
     exposure_s: float | None = Field(None, gt=0, le=1e4, description="[s]; null: camera.exposure_s")
     spacecraft: int | None = Field(None, ge=1, le=1000, description="who takes it, an observer; null: all of them")

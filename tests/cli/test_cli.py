@@ -265,7 +265,7 @@ def test_a_place_that_cannot_be_is_refused_without_an_empty_line(tmp_path, capsy
     [
         ("control.controller", "mrp_feedback, mrp_sliding_mode"),
         ("body.gravity.model", "point_mass, polyhedron, spherical_harmonics"),
-        ("behavior.name", "adaptable_roles, dedicated_communications"),
+        ("behavior.name", "adaptable_roles, body_tracking, dedicated_communications"),
     ],
 )
 def test_an_unknown_plug_in_is_told_with_its_key_before_anything_is_shown(

@@ -79,7 +79,7 @@ def test_behaviors_do_not_touch_what_they_returned_before():
 def test_an_unknown_election_and_an_unknown_behavior_name_what_exists():
     with pytest.raises(MissionError, match="first, medoid"):
         AdaptableRoles(3, 35e3, election="loudest")
-    with pytest.raises(PluginError, match="adaptable_roles, dedicated_communications, .*target_sweep"):
+    with pytest.raises(PluginError, match="adaptable_roles, body_tracking, dedicated_communications, .*target_sweep"):
         plugins.find(plugins.BEHAVIORS, "nobody")
     with pytest.raises(PluginError, match="volume"):
         plugins.create(plugins.BEHAVIORS, "adaptable_roles", {"volume": 3}, 5, 35e3)
