@@ -340,7 +340,7 @@ def _motion_blur_in(observer: Observer, picture: Picture) -> Array:
 
 def flight_pictures(plan: Observed, telemetry: xr.Dataset, *, camera_on: bool = True) -> Iterator[Picture]:
     """All pictures of a flight, in order of time; or those that are not taken, since a camera is off."""
-    who, environment = watching_in(telemetry, plan.n_observers, camera_on=camera_on), plan.environment
+    who, environment = watching_in(plan.scenario, telemetry, plan.n_observers, camera_on=camera_on), plan.environment
     schedule, r_BN_N = _passage(plan.scenario), telemetry["r_BN_N"].values
     C_CN, omega_CN_C = flown_cameras(plan.scenario, telemetry)
     interval_s = plan.scenario.telemetry.interval_s
@@ -364,17 +364,18 @@ def flown_cameras(scenario: Scenario, telemetry: xr.Dataset) -> tuple[Array, Arr
 
 def picture_count(plan: Observed, telemetry: xr.Dataset) -> int:
     """Number of pictures that `observe_flight` will judge."""
-    who, schedule = watching_in(telemetry, plan.n_observers), _passage(plan.scenario)
+    who, schedule = watching_in(plan.scenario, telemetry, plan.n_observers), _passage(plan.scenario)
     return sum(
         int((who[k] & schedule.takers(k, plan.n)).sum()) for k in picture_samples(plan.scenario, telemetry).tolist()
     )
 
 
-def watching_in(telemetry: xr.Dataset, n_observers: int, *, camera_on: bool = True) -> Mask:
+def watching_in(scenario: Scenario, telemetry: xr.Dataset, n_observers: int, *, camera_on: bool = True) -> Mask:
     """Who would take a picture at each sample, shape (time, n); or who would if its camera were not off."""
     works = working(telemetry) if "released" in telemetry else np.ones(telemetry["mode"].shape, np.bool_)
     on = telemetry["camera_on"].values == 1 if "camera_on" in telemetry else works
-    return watching(n_observers, telemetry["mode"].values, works & (on == camera_on))
+    turns = scenario.camera.gimbal is not None
+    return watching(n_observers, telemetry["mode"].values, works & (on == camera_on), turns=turns)
 
 
 def arrival_samples(scenario: Scenario) -> Ints:

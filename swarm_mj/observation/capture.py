@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from swarm_mj.compilation import jittable
 from swarm_mj.errors import MissionError
-from swarm_mj.mission.behaviors import looks_at_body
+from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraMotion, CameraPose, Motion, camera_pose, motion_blur_px
 from swarm_mj.observation.companion import Shade
@@ -95,8 +95,12 @@ def takes_picture(spacecraft: Any, n_observers: Any, kind: Any, camera_on: Any) 
     return (spacecraft < n_observers) & looks_at_body(kind) & camera_on
 
 
-def watching(n_observers: int, kind: Any, camera_on: Any = True) -> Mask:
-    """The same for all spacecraft, which are the last axis of `kind` and `camera_on`, shape (..., n)."""
+def watching(n_observers: int, kind: Any, camera_on: Any = True, *, turns: bool = False) -> Mask:
+    """The same for all spacecraft, which are the last axis of `kind` and `camera_on`, shape (..., n).
+
+    Cameras that turn by themselves (`camera.gimbal`) look at the body while the spacecraft holds a direction, too.
+    """
+    kind = np.where(turns & (np.asarray(kind) == TargetKind.DIRECTION), TargetKind.ASTEROID, kind)
     return np.asarray(takes_picture(np.arange(np.shape(kind)[-1]), n_observers, kind, camera_on))
 
 

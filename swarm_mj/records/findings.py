@@ -143,7 +143,7 @@ def direction_findings(run: RunRecord) -> list[str]:
     """One sentence on observers that were told a direction in place of a target when pictures were due: they take none."""
     due = picture_samples(run.scenario, run.telemetry)
     told = run.telemetry["mode"].values[due, : run.n_observers] == TargetKind.DIRECTION
-    if not told.any():
+    if not told.any() or run.scenario.camera.gimbal is not None:  # which looks at the body all the same
         return []
     who = f"{int(told.any(axis=0).sum())} of {run.n_observers} observers"
     return [

@@ -143,7 +143,7 @@ def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
 
 def _pointed_at_pictures(plan: Plan, telemetry: xr.Dataset, error_deg: Array) -> dict[str, Any]:
     """Pointing errors of those that take pictures: at the arrival, and in the middle of all their pictures; their sensors."""
-    scenario, who = plan.scenario, watching_in(telemetry, plan.n_observers)
+    scenario, who = plan.scenario, watching_in(plan.scenario, telemetry, plan.n_observers)
     samples, arrivals = picture_samples(scenario, telemetry), arrival_samples(scenario)
     taken = {j: samples[who[samples, j]] for j in range(plan.n_observers)}
     known = telemetry.get("attitude_knowledge_error")

@@ -199,7 +199,7 @@ def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.in
     if len(samples) * len(observers) * len(rays) <= limits.rays:
         scene["C"] = f32(C_BA[:, observers])
         scene["rays"] = f32(rays)
-        taken = watching_in(telemetry, run.n_observers)[:, observers]
+        taken = watching_in(run.scenario, telemetry, run.n_observers)[:, observers]
         scene["ray_length"] = f32(_border_lengths(ground, r_A[:, observers], C_BA[:, observers], rays, taken) / KM)
     return scene
 

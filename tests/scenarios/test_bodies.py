@@ -24,6 +24,9 @@ PUBLISHED = {
     # Before the impact of DART: Barnouin et al. 2024 and Daly et al. 2024, ellipsoids.
     "didymos": (np.pi / 6.0 * 819.0 * 801.0 * 607.0, 1.5e6, 819.0, 2.0),
     "dimorphos": (np.pi / 6.0 * 179.0 * 169.0 * 115.0, 1.5e4, 179.0, 0.5),
+    # Keller et al. 2010 and Duxbury et al. 2004, ellipsoids.
+    "steins": (np.pi / 6.0 * 6670.0 * 5810.0 * 4470.0, 4e8, 6670.0, 15.0),
+    "wild2": (4.0 * np.pi / 3.0 * 2750.0 * 2000.0 * 1650.0, 2e8, 5500.0, 15.0),
     "lutetia": (np.pi / 6.0 * 121e3 * 101e3 * 75e3, 3e12, 121e3, 300.0),
 }
 
