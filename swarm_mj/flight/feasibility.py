@@ -197,7 +197,9 @@ class EncounterCheck:
         """The interval of pictures against the passage and the footprint; the way in against the turn to the body."""
         scenario, met = self.scenario, self.arrival
         behavior, interval, found = scenario.behavior, scenario.observation.interval_s, []
-        radius = inf if behavior.name == "body_tracking" else behavior.imaging_radius_m  # that tracks it however far it is
+        radius = (
+            inf if behavior.name == "body_tracking" else behavior.imaging_radius_m
+        )  # that tracks it however far it is
         entry_s, passage = zip(*(_passage(met.r_N[j], met.v_N[j], radius) for j in range(len(met.t))), strict=True)
         if scenario.observation.criterion == "passage" and not scenario.observation.sequence:
             if (shortest := min(passage)) < interval:

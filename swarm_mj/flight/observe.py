@@ -135,7 +135,7 @@ def schedule_from(scenario: Scenario, period_s: float) -> PictureSchedule:
 
 
 def sequence_of(scenario: Scenario) -> Iterator[tuple[int, float, float | None]]:
-    """Pictures of `observation.sequence`: who takes each, from 0, at which sample of the telemetry [s], its own exposure [s]."""
+    """Pictures of `observation.sequence`: who takes each, from 0, at which sample [s], its own exposure [s]."""
     interval_s = scenario.telemetry.interval_s
     for picture in scenario.observation.sequence:
         t = interval_s * round(picture.seconds_after(scenario.epoch) / interval_s)

@@ -114,6 +114,16 @@ def text_of(ns: int) -> str:
     return f"{that_day.isoformat()}T{second // 3600:02d}:{second // 60 % 60:02d}:{second % 60:02d}.{digits[:shown]}"
 
 
+def utc_text(ns: int) -> str | None:
+    """Date and time in UTC of an instant in TDB, to the millisecond; None before 1972."""
+    tai = ns - round((tdb_minus_tt(ns / SECOND) + TT_TAI) * SECOND)
+    for day, leaps in reversed(leap_seconds().items()):
+        utc = tai - leaps * SECOND
+        if utc >= (day.toordinal() - _J2000_DAY) * DAY - DAY // 2:
+            return f"{text_of(round(utc, -6))}Z"
+    return None
+
+
 def epoch_of(text: str) -> int:
     """A scenario's date and time in TDB, in nanoseconds past J2000."""
     return instant(text, "TDB")

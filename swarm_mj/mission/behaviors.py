@@ -240,7 +240,7 @@ class BodyTracking:
         imaging_radius_m: Of no meaning here.
         until_s: Past the epoch, until when they look at the body [s].
         then: Afterwards: 'hold' stays turned to where the body was then, 'earth' looks there, 'body' on at the body.
-        bus: What the spacecraft is turned to until then: 'body'; 'velocity', where its +z stays on the velocity in N that it had at
+        bus: What the spacecraft is turned to until then: 'body'; 'velocity', where its +z stays on the velocity in N of
             the start; or a direction in N. The last two are for a camera that turns by itself (`camera.gimbal`).
     """
 

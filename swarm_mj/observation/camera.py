@@ -230,7 +230,8 @@ class Motion(NamedTuple):
 def motion_blur_px(region: TargetRegion, camera: CameraModel, r_A: Array, C_CA: Array, motion: CameraMotion) -> Array:
     """Motion blur of every cell's centroid [px of the detector], shape (n,); infinite where it is not ahead of the camera.
 
-    Exposure, where the motion names no other, and angle of a pixel are the camera's; `r_A` [m], shape (3,), and `C_CA`, shape (3, 3), are its pose.
+    Exposure, where the motion names no other, and angle of a pixel are the camera's; `r_A` [m], shape (3,), and `C_CA`, shape
+    (3, 3), are its pose.
     """
     p = (region.centroid_A - r_A) @ C_CA.T
     p_dot = -(C_CA @ motion.v_A) - np.cross(motion.omega_C, p)

@@ -18,6 +18,7 @@ from swarm_mj.flight.observe import ObservationResult, arrival_samples, picture_
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.spacecraft import notes_on
 from swarm_mj.records.delivered import delivered_summary
+from swarm_mj.records.encounters import encounters_summary
 from swarm_mj.records.formation import formation_summary
 from swarm_mj.records.modes import held_s
 from swarm_mj.records.navigation import navigation_summary
@@ -47,6 +48,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         **delivered_summary(plan, result),
         **_pointed(plan, telemetry),
         **_flown(plan, telemetry),
+        **encounters_summary(plan, telemetry),
         "encounter_findings": list(plan.encounter_findings),
         **propulsion_summary(plan, telemetry),
         **navigation_summary(plan),

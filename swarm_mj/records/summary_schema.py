@@ -65,6 +65,21 @@ class MothershipOrbit(Record):
     turn_angle_deg: float | None = None
 
 
+class Encounter(Record):
+    """How a spacecraft passed the body."""
+
+    closest_approach_utc: str | None
+    closest_approach_s: float
+    distance_m: NonNegativeFloat
+    speed_m_s: NonNegativeFloat
+    phase_start_deg: NonNegativeFloat
+    phase_closest_deg: NonNegativeFloat
+    phase_least_deg: NonNegativeFloat
+    phase_end_deg: NonNegativeFloat
+    phase_least_s: float
+    peak_turn_rate_deg_s: NonNegativeFloat
+
+
 class NotDelivered(Record):
     """A part of the map that was seen and does not arrive."""
 
@@ -168,6 +183,7 @@ class RunSummary(Record):
     links_closed_final: NonNegativeInt
     wall_s: dict[str, float]
     mothership: MothershipOrbit | None = None
+    encounters: dict[str, Encounter] = {}
     encounter_findings: list[str] = []
     deployment_findings: list[str] = []
     navigation: NavigationSummary = NavigationSummary()

@@ -62,8 +62,8 @@ class Target(Section):
     )
     lit_at: Literal["passage", "arrival"] = Field(
         "passage",
-        description="when the lit part is lit: at some picture time of the flight, from the epoch on every observation.interval_s or "
-        "as observation.sequence says, or at the common arrival, design.release_s + time_of_flight_s",
+        description="when the lit part is lit: at some picture time of the flight, from the epoch on every observation.interval_s "
+        "or as observation.sequence says, or at the common arrival, design.release_s + time_of_flight_s",
     )
     weight: Weight = Field(
         1.0,
@@ -500,14 +500,16 @@ class Scenario(Section):
         if not sequence:
             return self
         if self.observation.criterion == "arrival":
-            raise ValueError("observation.criterion = arrival: counts no picture of observation.sequence; must be passage")
+            raise ValueError(
+                "observation.criterion = arrival: counts no picture of observation.sequence; must be passage"
+            )
         taken: dict[tuple[int | None, int], int] = {}
         observers = len(self.design.visiting_points)
         for k, picture in enumerate(sequence):
             key, t = f"observation.sequence.{k}", picture.seconds_after(self.epoch)
             if not 0.0 <= t <= self.duration_s:
                 raise ValueError(
-                    f"{key}.time = {picture.time}: is {t:g} s past the epoch; must be from 0 to duration_s = {self.duration_s:g}"
+                    f"{key}.time = {picture.time}: is {t:g} s past the epoch; must be 0 to duration_s = {self.duration_s:g}"
                 )
             if (picture.spacecraft or 1) > observers:
                 raise ValueError(f"{key}.spacecraft = {picture.spacecraft}: must be an observer, from 1 to {observers}")

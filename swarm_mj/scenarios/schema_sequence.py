@@ -48,7 +48,8 @@ def _listed(given: Any) -> Any:
 
 
 Pictures = Annotated[
-    tuple[TimedPicture, ...], BeforeValidator(_listed, json_schema_input_type=tuple[TimedPicture | float | str, ...] | str)
+    tuple[TimedPicture, ...],
+    BeforeValidator(_listed, json_schema_input_type=tuple[TimedPicture | float | str, ...] | str),
 ]
 
 

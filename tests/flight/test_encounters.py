@@ -98,7 +98,9 @@ def test_the_peak_rate_is_speed_over_distance():
 
 def test_both_steppers_turn_to_the_second_axis_alike():
     made = {"control__second_axis": {"axis_B": AXIS, "towards": "velocity"}, "camera__boresight_B": [1, 0, 0]}
-    own, mujoco = (simulate(plan_of(**made, physics__stepper=stepper, duration_s=300)) for stepper in ("kernel", "mujoco"))
+    own, mujoco = (
+        simulate(plan_of(**made, physics__stepper=stepper, duration_s=300)) for stepper in ("kernel", "mujoco")
+    )
     np.testing.assert_allclose(own["sigma_RN"].values, mujoco["sigma_RN"].values, rtol=0, atol=1e-9)
     np.testing.assert_allclose(own["sigma_BN"].values[-100:], mujoco["sigma_BN"].values[-100:], rtol=0, atol=1e-5)
 

@@ -210,8 +210,10 @@ def orbit(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(5)
     a, b = rng.normal(size=(2, N, 3)) * 10e3
     b -= a * (np.einsum("ij,ij->i", a, b) / np.einsum("ij,ij->i", a, a))[:, None]
-    return a * np.cos(0.01 * t) + b * np.sin(0.01 * t), 0.01 * (b * np.cos(0.01 * t) - a * np.sin(0.01 * t)), -1e-4 * (
-        a * np.cos(0.01 * t) + b * np.sin(0.01 * t)
+    return (
+        a * np.cos(0.01 * t) + b * np.sin(0.01 * t),
+        0.01 * (b * np.cos(0.01 * t) - a * np.sin(0.01 * t)),
+        -1e-4 * (a * np.cos(0.01 * t) + b * np.sin(0.01 * t)),
     )
 
 
