@@ -62,8 +62,8 @@ class Target(Section):
     )
     lit_at: Literal["passage", "arrival"] = Field(
         "passage",
-        description="when the lit part is lit: at some picture time of the flight, from the epoch on every observation.interval_s "
-        "or as observation.sequence says, or at the common arrival, design.release_s + time_of_flight_s",
+        description="when the lit part is lit: at some picture time of the flight, from the epoch on every "
+        "observation.interval_s or as observation.sequence says, or at the common arrival, design.release_s + time_of_flight_s",
     )
     weight: Weight = Field(
         1.0,
