@@ -12,7 +12,7 @@ from swarm_mj.dataflow.ground import earth_schedule
 from swarm_mj.dataflow.network import Access
 from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.companion import refuse_companion
+from swarm_mj.flight.companion import refuse_for_whole_flights
 from swarm_mj.flight.plan import Plan, antennas_from, make_plan
 from swarm_mj.flight.post_flight import turned
 from swarm_mj.mission.behaviors import TargetKind
@@ -104,7 +104,7 @@ class DownlinkTask:
                 "does not turn spacecraft to each other"
             )
         self.config, self.given = config, given
-        refuse_companion(given, "SwarmDownlink-v0")
+        refuse_for_whole_flights(given, "SwarmDownlink-v0")
         self.plan: Plan = make_plan(given)
         self.n = self.plan.n
         self.access = Access(given.link.crosslink.access)

@@ -16,7 +16,7 @@ import numpy as np
 
 from swarm_mj.dataflow.link_budget import RateTable, rate_at
 from swarm_mj.errors import MissionError, ScenarioError
-from swarm_mj.flight.companion import refuse_companion
+from swarm_mj.flight.companion import refuse_for_whole_flights
 from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.flight.observe import camera_from, refuse_sequence, schedule_from
 from swarm_mj.flight.plan import Plan, make_plan
@@ -398,7 +398,7 @@ def make_own(
     Raises:
         ScenarioError: Compiled code cannot fly it; the message says why.
     """
-    refuse_companion(scenario, "SwarmObserve-v0")
+    refuse_for_whole_flights(scenario, "SwarmObserve-v0")
     refuse_sequence(scenario, "SwarmObserve-v0")
     plan, design = make_plan(scenario), scenario.design
     whole = target == "body" or plan.region.kind == "body"

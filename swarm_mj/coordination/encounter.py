@@ -111,7 +111,7 @@ def aim_points(region: TargetRegion, camera: CameraModel, reach: Reach) -> tuple
     slots, observers = reach.useful.any(axis=1).sum(), reach.useful.shape[1]
     most = max(min(MOST_PICTURES // reach.useful.sum(), MOST_ENTRIES // (slots * observers * region.n_cells)), 1)
     places, spacing = region.centroid_A[wanted], 1.0
-    width = COVER * camera.tan_half_angle * reach.farthest_m[wanted]
+    width = COVER * min(camera.sides) * camera.tan_half_angle * reach.farthest_m[wanted]
     while len(aims := _cover(places, spacing * width, region.area[wanted])) > most:
         spacing *= max(float(np.sqrt(len(aims) / most)), 1.05)
     return places[aims], spacing

@@ -205,7 +205,11 @@ def _margin_at(camera: CameraModel, pose: CameraPose, points: Array, face: Indic
     """`view_margin` at places (n, 3) [m] on faces of the body, shape (n,)."""
     away = points - pose.r_A
     x, y, z = pose.C_CA @ away.T
-    across = np.hypot(x, y) if camera.shape == "cone" else np.maximum(np.abs(x), np.abs(y))
+    across = (
+        np.hypot(x, y)
+        if camera.shape == "cone"
+        else np.maximum(np.abs(x) / camera.sides[0], np.abs(y) / camera.sides[1])
+    )
     with np.errstate(invalid="ignore", divide="ignore"):
         margin = np.where(z > 0.0, 1.0 - across / (z * camera.tan_half_angle), -1.0)
     margin = np.nan_to_num(np.clip(margin, -1.0, 1.0), nan=-1.0)

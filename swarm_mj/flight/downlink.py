@@ -22,7 +22,7 @@ from swarm_mj.dataflow.tiles import Tiles, make_tiles
 from swarm_mj.dataflow.time_expanded_program import reachable_value
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.coordination import acts_alone, crosslinks_left
-from swarm_mj.flight.observe import camera_from
+from swarm_mj.flight.observe import camera_from, flown_cameras
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.post_flight import (
     Course,
@@ -199,10 +199,10 @@ def tiles_of(plan: Plan, telemetry: xr.Dataset, kept: KeptPictures) -> Tiles:
     region, environment = plan.region, plan.environment
     limits = limits_of(plan.scenario.observation, camera_from(plan.scenario), region)
     times, ready_s = telemetry["time"].values, np.full(kept.taken_s.shape, np.nan)
-    bits = np.zeros(ready_s.shape)
+    bits, (C_CN, _) = np.zeros(ready_s.shape), flown_cameras(plan.scenario, telemetry)
     for t, j, cells in kept.pictures():
         k, C_AN = int(np.searchsorted(times, t)), environment.C_AN(t)
-        pose = CameraPose(C_AN @ telemetry["r_BN_N"].values[k, j], dcm(telemetry["sigma_BN"].values[k, j]) @ C_AN.T)
+        pose = CameraPose(C_AN @ telemetry["r_BN_N"].values[k, j], C_CN[k, j] @ C_AN.T)
         pixels = pixels_on(limits, region.area[cells], *sight(region, pose.r_A, cells))
         bits[j, cells] += pixels * (sent_bit(plan.scenario, region, pose, cells, pixels) / pixels.sum())
         ready_s[j, cells] = t
@@ -226,17 +226,19 @@ def sent_bit(scenario: Scenario, region: TargetRegion, pose: CameraPose, cells: 
     if product == "frame":
         return frame_bit
     x, y, z = pose.to_camera(region.corners_A[cells].reshape(-1, 3)).T
-    edge = z * camera_from(scenario).tan_half_angle
+    camera = camera_from(scenario)
     if (z <= 0.0).any():
         return frame_bit
-    across, down = (np.ptp(np.clip(side / edge, -1.0, 1.0)) for side in (x, y))
+    edges = (z * camera.tan_half_angle * most for most in camera.sides)
+    across, down = (np.ptp(np.clip(side / edge, -1.0, 1.0)) for side, edge in zip((x, y), edges, strict=True))
     return max(frame_bit * 0.25 * float(across * down), per_pixel)
 
 
 def frame_pixels(scenario: Scenario) -> int:
     """Pixels of a whole picture of the real detector: as many as its pixel's angle makes, where nothing else is said."""
     camera = camera_from(scenario)
-    width, height = scenario.data.sensor_px or (round(2.0 * camera.tan_half_angle / camera.pixel_angle),) * 2
+    side = round(2.0 * camera.tan_half_angle / camera.pixel_angle)
+    width, height = scenario.data.sensor_px or scenario.camera.detector_px or (side, side)
     return width * height
 
 

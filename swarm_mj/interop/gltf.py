@@ -37,7 +37,7 @@ def write_scene(states: FlightStates) -> bytes:
     _add(scene, body, states.body.name, _pose(C_AN, np.zeros(3)))
     size = np.array(states.plan.scenario.spacecraft.size_m)
     scale = SPACECRAFT_SIZE * shape.max_radius / size.max()
-    C_BN = dcm(states.telemetry["sigma_BN"].values[k])
+    C_BN, C_CN = dcm(states.telemetry["sigma_BN"].values[k]), states.C_CN[k]
     for j, name in enumerate(states.plan.names):
         color = np.array([*(round(255 * x) for x in COLORS[j % len(COLORS)]), 255], np.uint8)
         pose = _pose(C_BN[j], states.states_N[k, j, :3])
@@ -45,7 +45,12 @@ def write_scene(states: FlightStates) -> bytes:
         box.visual.face_colors = color
         _add(scene, box, name, pose, {"drawn_times_larger": float(scale)})
         _add(scene, _line(_path(states.states_N[states.flown(j), j, :3]), color), f"{name}_path", np.eye(4))
-        _add(scene, _line(_field_of_view(states, j), color), f"{name}_field_of_view", pose)
+        _add(
+            scene,
+            _line(_field_of_view(states, j), color),
+            f"{name}_field_of_view",
+            _pose(C_CN[j], states.states_N[k, j, :3]),
+        )
     out: bytes = scene.export(file_type="glb")
     return out
 
@@ -69,16 +74,16 @@ def _path(r_N: Array) -> Array:
 
 
 def _field_of_view(states: FlightStates, j: int) -> Array:
-    """One line along the edges of the field of view, in B, as far as the body's centre."""
+    """One line along the edges of the field of view, in the camera's frame, as far as the body's centre."""
     reach = float(np.linalg.norm(states.states_N[states.arrival, j, :3]))
-    half = reach * states.camera.tan_half_angle
-    if states.camera.shape == "cone":
-        angles = np.linspace(0.0, 2.0 * np.pi, 33)
-        rim = np.stack([half * np.cos(angles), half * np.sin(angles), np.full(33, reach)], axis=1)
-        return np.concatenate([[[0.0, 0.0, 0.0]], rim, [[0.0, 0.0, 0.0]]])
-    a, b, c, d = ((x * half, y * half, reach) for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1)))
-    tip = (0.0, 0.0, 0.0)
-    return np.array([tip, a, b, tip, c, b, c, d, tip, d, a])
+    round_ = states.camera.shape == "cone"
+    outline = states.camera.outline(8 if round_ else 1)
+    rim = reach * np.column_stack([outline, np.ones(len(outline))])
+    tip = np.zeros((1, 3))
+    if round_:
+        return np.concatenate([tip, rim, rim[:1], tip])
+    a, b, c, d = rim[:, None]
+    return np.concatenate([tip, a, b, tip, c, b, c, d, tip, d, a])
 
 
 def _line(points: Array, color: Pixels) -> Any:

@@ -8,7 +8,7 @@ way. Lengths are in km.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import atan2, degrees, hypot, pi
+from math import atan, atan2, degrees, hypot, pi
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.rotation import spin_dcm
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.attitude.mrp import dcm
+from swarm_mj.spacecraft.mounting import true_mount
 from swarm_mj.tracks.frames import C_EN
 from swarm_mj.typing import Array
 
@@ -229,24 +230,30 @@ def _frame(name: str, number: int, *, kind: int, code: int, center: int) -> dict
 
 def cameras(states: FlightStates) -> str:
     """IK: field of view of every camera."""
-    camera, values = states.camera, dict[str, object]()
+    camera, values, C_CB = states.camera, dict[str, object](), true_mount(states.plan.scenario.camera)
+    across, down = (
+        camera.half_angle_deg if side == 1.0 else degrees(atan(camera.tan_half_angle * side)) for side in camera.sides
+    )
+    samples, lines = states.plan.scenario.camera.detector_px or (camera.resolution_px, camera.resolution_px)
     for j in range(states.plan.n):
         prefix = f"INS{body_frame_code(j) - 1}"
         values |= {
             f"{prefix}_FOV_FRAME": f"{spacecraft_name(states, j)}_BODY",
             f"{prefix}_FOV_SHAPE": "RECTANGLE" if camera.shape == "square" else "CIRCLE",
             f"{prefix}_FOV_CLASS_SPEC": "ANGLES",
-            f"{prefix}_BORESIGHT": [0.0, 0.0, 1.0],
-            f"{prefix}_FOV_REF_VECTOR": [1.0, 0.0, 0.0],
-            f"{prefix}_FOV_REF_ANGLE": float(camera.half_angle_deg),
+            f"{prefix}_BORESIGHT": C_CB[2].tolist(),
+            f"{prefix}_FOV_REF_VECTOR": C_CB[0].tolist(),
+            f"{prefix}_FOV_REF_ANGLE": across,
             f"{prefix}_FOV_ANGLE_UNITS": "DEGREES",
-            f"{prefix}_PIXEL_SAMPLES": camera.resolution_px,
-            f"{prefix}_PIXEL_LINES": camera.resolution_px,
+            f"{prefix}_PIXEL_SAMPLES": samples,
+            f"{prefix}_PIXEL_LINES": lines,
         }
         if camera.shape == "square":
-            values[f"{prefix}_FOV_CROSS_ANGLE"] = float(camera.half_angle_deg)
-    note = "Half-angles from the line of sight to the middle of a picture's edge; x to the right, y down."
-    return _kernel("IK", [*states.comments, note], values)
+            values[f"{prefix}_FOV_CROSS_ANGLE"] = down
+    notes = ["Half-angles from the line of sight to the middle of a picture's edge; x to the right, y down."]
+    if states.plan.scenario.camera.gimbal is not None:
+        notes.append("The gimbal stands at its angle 0 here; no kernel turns it.")
+    return _kernel("IK", [*states.comments, *notes], values)
 
 
 def meta_kernel(states: FlightStates, names: Sequence[str]) -> str:

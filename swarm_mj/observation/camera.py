@@ -110,6 +110,18 @@ class CameraModel:
             sides=(1.0, 1.0),
         )
 
+    def outline(self, per_side: int) -> Array:
+        """Points on the edge of the field of view at unit distance along z, shape (4 per_side, 2).
+
+        In order, from corner to corner where it has some: the first of every `per_side` is one.
+        """
+        if self.shape == "cone":
+            angle = 2.0 * np.pi * np.arange(4 * per_side) / (4 * per_side)
+            return self.tan_half_angle * np.column_stack((np.cos(angle), np.sin(angle)))
+        along, one = -1.0 + 2.0 * np.arange(per_side) / per_side, np.ones(per_side)
+        edges = ((along, -one), (one, along), (-along, one), (-one, -along))
+        return self.tan_half_angle * np.array(self.sides) * np.vstack([np.column_stack(edge) for edge in edges])
+
     def contains(self, points_C: Array) -> Mask:
         """Tell which points lie in the field of view, occlusion aside; `points_C` [m] has shape (..., 3)."""
         return np.asarray(in_field_of_view(self.optics, *np.moveaxis(points_C, -1, 0)))

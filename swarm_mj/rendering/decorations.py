@@ -37,7 +37,7 @@ def decorate(next_geom: NextGeom, model: DrawingModel, instant: Instant, width_s
         for start, end in dashes(instant.r_BN_N[j], tips[j], DASH * radius):
             line(next_geom(), start, end, width_scale * SIGHT_WIDTH, rgba(colours[j]))
     looking = np.flatnonzero(instant.looks_at_body).tolist()
-    rims = {j: instant.r_BN_N[j] + length[j] * model.rim_B @ instant.C_BN[j] for j in looking}
+    rims = {j: instant.r_BN_N[j] + length[j] * model.rim_C @ instant.cameras[j] for j in looking}
     for j, rim in rims.items():
         for corner in rim if len(rim) <= MAX_EDGES else ():
             line(next_geom(), instant.r_BN_N[j], corner, width_scale * EDGE_WIDTH, rgba(colours[j], EDGE_ALPHA))

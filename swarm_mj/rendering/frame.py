@@ -37,7 +37,7 @@ class Instant:
         r_BN_N: Positions, shape (n, 3) [m].
         C_BN: Rotations from N to B, shape (n, 3, 3).
         C_AN: Rotation from N to A, shape (3, 3).
-        kind: `TargetKind` of what each +z tracks, shape (n,).
+        kind: `TargetKind` of what each line of sight tracks, shape (n,).
         tracked: Spacecraft tracked, from 0, where kind is SPACECRAFT, shape (n,).
         link: Whether each radio link is closed, shape (n,); None: not known.
         seen: Cells of the target observed so far, shape (n_cells,).
@@ -46,6 +46,7 @@ class Instant:
         blind: Spacecraft whose cameras are off, shape (n,); None: none.
         traffic: Data under way; None: not known, or none in the whole flight.
         note: Stands in a line of its own.
+        C_CN: Rotations from N to the frames of the cameras, shape (n, 3, 3); None: they are those of the spacecraft.
     """
 
     t: float
@@ -61,6 +62,7 @@ class Instant:
     blind: Mask | None = None
     traffic: Traffic | None = None
     note: str = ""
+    C_CN: Array | None = None
 
     @property
     def n(self) -> int:
@@ -69,8 +71,13 @@ class Instant:
 
     @property
     def boresight_N(self) -> Array:
-        """Where +z looks in N, shape (n, 3)."""
-        return self.C_BN[:, 2]
+        """Where lines of sight go in N, shape (n, 3): the camera's to the body, that of +z to all else."""
+        return np.where(looks_at_body(self.kind)[:, None], self.cameras[:, 2], self.C_BN[:, 2])
+
+    @property
+    def cameras(self) -> Array:
+        """Rotations from N to the frames of the cameras, shape (n, 3, 3)."""
+        return self.C_BN if self.C_CN is None else self.C_CN
 
     @property
     def works(self) -> Mask:

@@ -9,7 +9,7 @@ from time import perf_counter, sleep
 import numpy as np
 
 from swarm_mj.errors import MissionError
-from swarm_mj.flight.companion import refuse_companion
+from swarm_mj.flight.companion import refuse_for_whole_flights
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.observe import observer_from, schedule_from
 from swarm_mj.flight.plan import Plan, antennas_from
@@ -81,7 +81,7 @@ class LiveFlight:
     """
 
     def __init__(self, plan: Plan) -> None:
-        refuse_companion(plan.scenario, "a flight that is watched live")
+        refuse_for_whole_flights(plan.scenario, "a flight that is watched live")
         self.plan = plan
         period = plan.scenario.control.period_s
         self._observer = observer_from(plan.scenario, plan.region)

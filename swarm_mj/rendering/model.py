@@ -132,7 +132,6 @@ NEAR, FAR = 5e-4, 40.0
 #: Spacecraft in greater number are drawn as plain boxes.
 MAX_DETAILED = 60
 #: Corners of a square field of view, and of what stands for a round one.
-SQUARE = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 ROUND_CORNERS = 24
 
 
@@ -148,7 +147,7 @@ class DrawingModel:
         body: Mocap id of the body.
         spacecraft: Mocap ids of the spacecraft, shape (n,).
         cameras: Ids of the spacecraft's cameras, shape (n,).
-        rim_B: Corners of the camera's field of view in B at unit distance along +z, counter-clockwise seen from the
+        rim_C: Corners of the camera's field of view in its frame at unit distance, counter-clockwise seen from the
             spacecraft's far side, shape (k, 3).
         magnification: How many times larger than they are spacecraft are drawn.
         companion: Mocap id of the body's companion, and where it is; None: there is none.
@@ -161,7 +160,7 @@ class DrawingModel:
     body: int
     spacecraft: Ints
     cameras: Ints
-    rim_B: Array
+    rim_C: Array
     magnification: float
     companion: tuple[int, Companion] | None = None
 
@@ -183,6 +182,9 @@ class DrawingModel:
         data.mocap_pos[self.spacecraft] = instant.r_BN_N
         for mocap, C_BN in zip(self.spacecraft, instant.C_BN, strict=True):
             mujoco.mju_mat2Quat(data.mocap_quat[mocap], np.ascontiguousarray(C_BN.T).ravel())
+        if instant.C_CN is not None:  # MuJoCo's cameras look along their -z, with y up
+            for camera, C_CB in zip(self.cameras, instant.C_CN @ np.swapaxes(instant.C_BN, 1, 2), strict=True):
+                mujoco.mju_mat2Quat(self.mjmodel.cam_quat[camera], (C_CB.T * (1.0, -1.0, -1.0)).ravel())
         data.time = instant.t
         mujoco.mj_kinematics(self.mjmodel, data)
         mujoco.mj_camlight(self.mjmodel, data)
@@ -219,17 +221,15 @@ def build_drawing_model(
         body=int(model.body("asteroid").mocapid[0]),
         spacecraft=np.array([model.body(name).mocapid[0] for name in plan.names]),
         cameras=np.array([model.camera(name).id for name in plan.names]),
-        rim_B=_rim(camera_from(plan.scenario)),
+        rim_C=_rim(camera_from(plan.scenario)),
         magnification=magnification,
         companion=None if companion is None else (int(model.body("companion").mocapid[0]), companion),
     )
 
 
 def _rim(camera: CameraModel) -> Array:
-    angle = 2.0 * np.pi * np.arange(ROUND_CORNERS) / ROUND_CORNERS
-    circle = np.stack((np.cos(angle), np.sin(angle)), axis=1)
-    flat = np.array(SQUARE, np.float64) if camera.shape == "square" else circle
-    return np.hstack((camera.tan_half_angle * flat, np.ones((len(flat), 1))))
+    flat = camera.outline(1 if camera.shape == "square" else ROUND_CORNERS // 4)
+    return np.hstack((flat, np.ones((len(flat), 1))))
 
 
 def _look(spec: mujoco.MjSpec, plan: Plan, width: int, height: int, reach: float) -> None:

@@ -36,6 +36,8 @@ from swarm_mj.typing import Array, Pixels
 
 #: Share of a split picture that the overview takes.
 OVERVIEW_SHARE = 0.62
+#: What lightens the third of its brightness to which the part beside a rectangular field of view is dimmed.
+OUTSIDE = 24
 #: What is left beside the square picture of one camera holds the overview from this share of the square's side on.
 LEAST_BESIDE = 0.3
 #: More cameras than these are too small to see anything in.
@@ -227,6 +229,8 @@ class Drawing:
         inset: Box | None,
         cameras: dict[int, Projection],
     ) -> Pixels:
+        for view in cameras.values():
+            _shade_outside(pixels, view.box, self._plan.scenario.camera.sides)
         lettering, names = Lettering(pixels), self._plan.names
         labels = list(zip(names, instant.colours, strict=True))
         lines, share = self._lines(instant), self._share(instant)
@@ -302,6 +306,18 @@ class Drawing:
             lines += roles(instant, self._plan.names)
             lines += [(text, PACKET) for text in words(instant.traffic)] if instant.traffic is not None else []
         return lines
+
+
+def _shade_outside(pixels: Pixels, box: Box, sides: tuple[float, float]) -> None:
+    """Grey what a square picture shows beside a rectangular field of view; in place."""
+    part = pixels[box.top : box.top + box.height, box.left : box.left + box.width]
+    for axis, side in enumerate((sides[1], sides[0])):
+        size = part.shape[axis]
+        edge = round(0.5 * (1.0 - side) * size)
+        for outside in (slice(0, edge), slice(size - edge, size)):
+            strip = part[outside] if axis == 0 else part[:, outside]
+            strip //= 3
+            strip += OUTSIDE
 
 
 def _is_dark(pixels: Pixels, box: Box) -> bool:

@@ -16,7 +16,9 @@ from scipy.spatial.transform import Rotation
 
 from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.errors import OutputError
+from swarm_mj.flight.observe import flown_cameras
 from swarm_mj.flight.plan import Plan, make_plan
+from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.records.passage import encounter
 from swarm_mj.records.run_record import read_run
 from swarm_mj.rendering.frame import Instant
@@ -60,7 +62,12 @@ class Replay:
         self._first_seen_s = first_seen_s
         self._position = CubicHermiteSpline(self.times, telemetry["r_BN_N"].values, telemetry["v_BN_N"].values)
         self._q_BN = quaternion_from_mrp(telemetry["sigma_BN"].values)
+        C_CN, _ = flown_cameras(plan.scenario, telemetry)
+        q_CN = Rotation.from_matrix(np.swapaxes(C_CN, -1, -2).reshape(-1, 3, 3)).as_quat(scalar_first=True)
+        self._q_CN = None if plan.scenario.camera.as_the_body else q_CN.reshape(self._q_BN.shape)
         self._kind = telemetry["mode"].values.astype(np.int64)
+        if plan.scenario.camera.gimbal is not None:  # which looks at the body while the spacecraft holds a direction
+            self._kind[self._kind == TargetKind.DIRECTION] = TargetKind.ASTEROID
         self._tracked = telemetry["tracked_spacecraft"].values.astype(np.int64)
         self._link = _flags(telemetry, "link_closed")
         self._works = _flags(telemetry, "operational")
@@ -113,7 +120,7 @@ class Replay:
         return Instant(
             t=t,
             r_BN_N=r_BN_N,
-            C_BN=self._attitudes(t, k),
+            C_BN=self._attitudes(self._q_BN, t, k),
             C_AN=self.plan.environment.C_AN(t),
             kind=self._kind[k],
             tracked=self._tracked[k],
@@ -123,13 +130,14 @@ class Replay:
             seen=seen,
             trail_N=np.concatenate((self._trail_N[self._trail_times < t], r_BN_N[None])),
             traffic=None if self._transfers is None else self._transfers.at(t),
+            C_CN=None if self._q_CN is None else self._attitudes(self._q_CN, t, k),
         )
 
-    def _attitudes(self, t: float, k: int) -> Array:
-        before = Rotation.from_quat(self._q_BN[k], scalar_first=True)
+    def _attitudes(self, q: Array, t: float, k: int) -> Array:
+        before = Rotation.from_quat(q[k], scalar_first=True)
         if k + 1 < len(self.times):
             share = (t - self.times[k]) / (self.times[k + 1] - self.times[k])
-            turn = before.inv() * Rotation.from_quat(self._q_BN[k + 1], scalar_first=True)
+            turn = before.inv() * Rotation.from_quat(q[k + 1], scalar_first=True)
             before = before * Rotation.from_rotvec(share * turn.as_rotvec())
         return before.as_matrix().transpose(0, 2, 1)
 

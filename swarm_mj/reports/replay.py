@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from swarm_mj.figures.units import shown_spacecraft
 from swarm_mj.flight.environment import companion_from
 from swarm_mj.flight.fly import asteroid_attitudes
-from swarm_mj.flight.observe import watching_in
-from swarm_mj.mission.behaviors import TargetKind, looks_at_body
+from swarm_mj.flight.observe import camera_from, flown_cameras, watching_in
+from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.observation.camera import CameraModel
+from swarm_mj.observation.capture import watching
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.records.modes import LOST
@@ -164,14 +166,19 @@ def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.in
     faces = np.vstack((body.faces, target.faces + len(body.vertices)))
     C_AN = asteroid_attitudes(telemetry)
     r_A = np.einsum("kij,knj->kni", C_AN, telemetry["r_BN_N"].values)
-    C_BA = dcm(telemetry["sigma_BN"].values[:, shown]) @ np.swapaxes(C_AN, 1, 2)[:, None]
+    C_NA = np.swapaxes(C_AN, 1, 2)
+    C_BA = dcm(telemetry["sigma_BN"].values[:, shown]) @ C_NA[:, None]
+    C_CA = flown_cameras(run.scenario, run.telemetry)[0][np.ix_(samples, shown)] @ C_NA[:, None]
+    # The camera looks at the body; +z at all else.
+    looks = watching(run.n, mode, turns=run.scenario.camera.gimbal is not None)
+    z_A = np.where(looks[..., None], C_CA[..., 2, :], C_BA[..., 2, :])
     reach = np.maximum(np.linalg.norm(r_A, axis=2).max(axis=1), np.linalg.norm(vertices, axis=1).max())
     ground = _Ground(vertices, faces)
     # First and last of the instants shown that are near the body; of all where it is passed in no small part of the flight.
     passed = _encounter(run) or slice(0, len(run.times))
     near = np.flatnonzero((samples >= passed.start) & (samples < passed.stop))
     tracked = telemetry["tracked_spacecraft"].values[:, shown]
-    length = _lengths(ground, r_A, shown, C_BA, mode, tracked, FREE_AXIS * reach[:, None])
+    length = _lengths(ground, r_A, shown, z_A, looks, mode, tracked, FREE_AXIS * reach[:, None])
     scene = {
         "body_vertices": f32(body.vertices / KM),
         "body_faces": packed(body.faces.astype(np.int32)),
@@ -179,7 +186,7 @@ def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.in
         "target_faces": packed(target.faces.astype(np.int32)),
         "target_kept": target.kept,
         "r": f32(r_A[:, shown] / KM),
-        "z": f32(C_BA[..., 2, :]),
+        "z": f32(z_A),
         "length": f32(length / KM),
         "sun": f32(_directions(C_AN, run.telemetry.attrs["sun_N_m"])),
         "earth": f32(_directions(C_AN, run.telemetry.attrs["earth_N_m"])),
@@ -188,19 +195,19 @@ def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.in
     }
     companion = companion_from(run.scenario)
     if companion is not None:
-        C_NA, at = np.swapaxes(C_AN, 1, 2), run.times[samples].tolist()
+        at = run.times[samples].tolist()
         scene["companion_vertices"] = f32(companion.shape.vertices / KM)
         scene["companion_faces"] = packed(companion.shape.faces.astype(np.int32))
         scene["companion_r"] = f32(np.array([C @ companion.position(t) for C, t in zip(C_AN, at, strict=True)]) / KM)
         # To components in A of those in A2.
         scene["companion_C"] = f32(np.array([(companion.C_AN(t) @ C).T for C, t in zip(C_NA, at, strict=True)]))
     observers = shown[shown < run.n_observers]
-    rays = border_rays(run.scenario.camera.half_angle_deg, run.scenario.camera.shape)
+    rays = border_rays(camera_from(run.scenario))
     if len(samples) * len(observers) * len(rays) <= limits.rays:
-        scene["C"] = f32(C_BA[:, observers])
+        scene["C"] = f32(C_CA[:, observers])
         scene["rays"] = f32(rays)
         taken = watching_in(run.scenario, telemetry, run.n_observers)[:, observers]
-        scene["ray_length"] = f32(_border_lengths(ground, r_A[:, observers], C_BA[:, observers], rays, taken) / KM)
+        scene["ray_length"] = f32(_border_lengths(ground, r_A[:, observers], C_CA[:, observers], rays, taken) / KM)
     return scene
 
 
@@ -225,44 +232,36 @@ def _lengths(
     ground: _Ground,
     r_A: Array,
     shown: Indices,
-    C_BA: Array,
+    z_A: Array,
+    looks: Mask,
     mode: NDArray[np.int8],
     tracked: NDArray[Any],
     free: Array,
 ) -> Array:
-    """How far to draw each line along +z: to the ground, as far as the spacecraft tracked, or `free` (K, 1) [m], shape (K, n).
+    """How far to draw each line of sight: to the ground, as far as the spacecraft tracked, or `free` (K, 1) [m], shape (K, n).
 
     Those of lost spacecraft have no length.
     """
-    r, z_A = r_A[:, shown], C_BA[..., 2, :]
+    r = r_A[:, shown]
     length = np.where(mode >= LOST, 0.0, free)
-    down = looks_at_body(mode)
-    distance = ground.distance(r[down], z_A[down])
-    length[down] = np.where(np.isfinite(distance), distance, np.linalg.norm(r[down], axis=-1))
+    distance = ground.distance(r[looks], z_A[looks])
+    length[looks] = np.where(np.isfinite(distance), distance, np.linalg.norm(r[looks], axis=-1))
     sample, j = np.nonzero((mode == TargetKind.SPACECRAFT) & (tracked >= 0))
     length[sample, j] = np.linalg.norm(r[sample, j] - r_A[sample, tracked[sample, j]], axis=-1)
     return length
 
 
-def border_rays(half_angle_deg: float, shape: str) -> Array:
-    """Unit vectors in B along the border of a picture, in order, the corners at every RAYS_PER_SIDE-th, shape (n, 3)."""
-    tangent, count = np.tan(np.radians(half_angle_deg)), 4 * RAYS_PER_SIDE
-    if shape == "cone":
-        angle = 2.0 * np.pi * np.arange(count) / count
-        across = np.column_stack((np.cos(angle), np.sin(angle)))
-    else:
-        along = -1.0 + 2.0 * np.arange(RAYS_PER_SIDE) / RAYS_PER_SIDE
-        one = np.ones(RAYS_PER_SIDE)
-        sides = ((along, -one), (one, along), (-along, one), (-one, -along))
-        across = np.vstack([np.column_stack(side) for side in sides])
-    rays = np.column_stack((tangent * across, np.ones(count)))
+def border_rays(camera: CameraModel) -> Array:
+    """Unit vectors in C along the border of a picture, in order, the corners at every RAYS_PER_SIDE-th, shape (n, 3)."""
+    across = camera.outline(RAYS_PER_SIDE)
+    rays = np.column_stack((across, np.ones(len(across))))
     return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
 
-def _border_lengths(ground: _Ground, r_A: Array, C_BA: Array, rays: Array, taken: Mask) -> Array:
+def _border_lengths(ground: _Ground, r_A: Array, C_CA: Array, rays: Array, taken: Mask) -> Array:
     """Length of every ray of the borders of pictures that are taken, else or where it misses NaN, shape (K, n, rays) [m]."""
     length = np.full((*r_A.shape[:2], len(rays)), np.nan)
-    directions = np.einsum("rb,mba->mra", rays, C_BA[taken]).reshape(-1, 3)
+    directions = np.einsum("rb,mba->mra", rays, C_CA[taken]).reshape(-1, 3)
     origins = np.repeat(r_A[taken], len(rays), axis=0)
     distance = ground.distance(origins, directions).reshape(-1, len(rays))
     length[taken] = np.where(np.isfinite(distance), distance, np.nan)

@@ -167,8 +167,8 @@ class Data(Section):
     )
     sensor_px: tuple[Annotated[int, Field(ge=1, le=100_000)], Annotated[int, Field(ge=1, le=100_000)]] | None = Field(
         None,
-        description="width and height of the real detector [px]; null: those of camera.detector_ifov_rad, or "
-        "camera.resolution_px; only bits follow from it, what a picture shows does not",
+        description="width and height of the real detector [px]; null: camera.detector_px, those of "
+        "camera.detector_ifov_rad, or camera.resolution_px; only bits follow from it, what a picture shows does not",
     )
     pictures: Literal["best", "first", "all"] = Field(
         "best",

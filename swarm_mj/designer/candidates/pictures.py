@@ -179,6 +179,8 @@ def _key(region: TargetRegion, imaging_model: ImagingModel) -> str:
         name = observer.name
     camera = imaging_model.camera
     text = f"{CACHE_VERSION} {name} {imaging_model.occlusion} {camera.half_angle_deg!r} {camera.shape} {camera.resolution_px}"
+    if min(camera.sides) != 1.0:
+        text += f" {camera.sides}"
     if imaging_model.whole:
         text += " whole"
     return hash_of(text, region.vertices, region.faces, region.target, region.parent)
