@@ -1,19 +1,32 @@
 """SPICE's own routines, with the exported kernels alone, say what the telemetry says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+import swarm_mj as sm
 from swarm_mj.errors import InteropError
-from swarm_mj.interop.kernels import rotation_constants
+from swarm_mj.interop.kernels import cameras, rotation_constants
 from swarm_mj.io import times
 from swarm_mj.io.spice import furnished
 from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.spacecraft.attitude.mrp import dcm
+from swarm_mj.spacecraft.mounting import true_mount
 
 pytest.importorskip("spiceypy")
 MICRORADIAN = 1e-6
 FIXED = "SWARM_EROS_FIXED"
+CAMERA = {
+    "camera": {
+        "detector_px": [2048, 1088],
+        "detector_ifov_rad": 78e-6,
+        "resolution_px": 2048,
+        "boresight_B": [1.0, 0.4, -0.3],
+        "misalignment_deg": [0.0, 0.5, 2.0],
+    }
+}
 
 
 def angle(C):
@@ -63,6 +76,23 @@ def test_the_field_of_view_is_a_square_of_the_cameras_half_angle(spice, states):
     tangents = corners[:, :2] / corners[:, 2:]
     assert shape == "RECTANGLE" and count == 4
     assert np.abs(np.abs(tangents) - states.camera.tan_half_angle).max() < 1e-12
+
+
+def test_a_rectangle_that_is_mounted_askew_has_the_corners_of_its_own_pictures(spice, states, tmp_path):
+    """By SPICE's field of view, against points that the camera's model holds, turned into B by its mount."""
+    mounted = sm.load({**states.plan.scenario.model_dump(exclude_unset=True), **CAMERA})
+    (tmp_path / "mounted.ti").write_text(cameras(replace(states, plan=replace(states.plan, scenario=mounted))))
+    spice.furnsh(str(tmp_path / "mounted.ti"))
+    try:
+        _, _, boresight, _, corners = spice.getfov(-900001001, 10)
+        assert list(spice.gipool("INS-900001001_PIXEL_SAMPLES", 0, 1)) == [2048]
+    finally:
+        spice.unload(str(tmp_path / "mounted.ti"))
+    C_CB = true_mount(mounted.camera)
+    x, y, z = C_CB @ corners.T
+    assert C_CB @ boresight == pytest.approx([0.0, 0.0, 1.0], abs=1e-12)
+    assert np.abs(x / z) == pytest.approx(1024 * 78e-6) and np.abs(y / z) == pytest.approx(544 * 78e-6)
+    assert np.sign(x) @ np.sign(y) == 0.0 and abs(np.sign(x).sum()) == 0.0
 
 
 def test_the_body_turns_as_in_the_flight(spice, states):

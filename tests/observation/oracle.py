@@ -34,9 +34,9 @@ class View:
     field: BaseGeometry
 
 
-def square(half_angle_deg: float) -> BaseGeometry:
-    t = np.tan(np.radians(half_angle_deg))
-    return shapely.box(-t, -t, t, t)
+def rectangle(half_angle_deg: float, sides: tuple[float, float] = (1.0, 1.0)) -> BaseGeometry:
+    x, y = np.tan(np.radians(half_angle_deg)) * np.array(sides)
+    return shapely.box(-x, -y, x, y)
 
 
 def cone(half_angle_deg: float, sides: int = 720) -> BaseGeometry:

@@ -11,7 +11,7 @@ from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_harmonics import build_shape
 
-from .oracle import Oracle, Patch, View, clip_to_pyramid, cone, square
+from .oracle import Oracle, Patch, View, clip_to_pyramid, cone, rectangle
 
 
 @cache
@@ -63,7 +63,7 @@ def cell_oracle(region):
 
 
 def exact_view(pose, camera):
-    field = cone(camera.half_angle_deg) if camera.shape == "cone" else square(camera.half_angle_deg)
+    field = cone(camera.half_angle_deg) if camera.shape == "cone" else rectangle(camera.half_angle_deg, camera.sides)
     return View(pose.r_A, pose.C_CA, field)
 
 

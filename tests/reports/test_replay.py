@@ -8,6 +8,7 @@ import pytest
 import trimesh
 import xarray as xr
 
+from swarm_mj.observation.camera import CameraModel
 from swarm_mj.records.run_record import read_run
 from swarm_mj.reports.plots import FLOOR, plot_run
 from swarm_mj.reports.replay import Limits, border_rays, choose_samples, make_replay
@@ -103,9 +104,9 @@ def test_a_camera_that_is_off_takes_no_picture(run, replay):
 
 def test_corners_of_a_square_picture_and_the_rim_of_a_cone_are_as_wide_as_the_camera():
     half = np.radians(10.0)
-    corners = np.degrees(np.arccos(border_rays(10.0, "square")[::5, 2]))
+    corners = np.degrees(np.arccos(border_rays(CameraModel(half_angle_deg=10.0))[::5, 2]))
     assert np.allclose(corners, np.degrees(np.arctan(np.sqrt(2.0) * np.tan(half))))
-    assert np.allclose(np.degrees(np.arccos(border_rays(10.0, "cone")[:, 2])), 10.0)
+    assert np.allclose(np.degrees(np.arccos(border_rays(CameraModel(half_angle_deg=10.0, shape="cone"))[:, 2])), 10.0)
 
 
 def test_sun_and_earth_stand_where_the_telemetry_says(run, replay):
