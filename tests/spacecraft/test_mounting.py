@@ -49,6 +49,7 @@ def test_a_slow_gimbal_lags_by_what_it_cannot_turn_and_stops_at_its_limit():
     got = gimbal_angles(hinge(1.0), (0, 0, 1), to_body_B, times)
     assert angle[1] - angle[0] > rate * 0.5  # it is too fast from the start
     late = np.flatnonzero(got >= angle - 1e-12)[1:]
+    assert late[0] > 100
     assert np.abs(got[: late[0]] - (angle[0] + rate * times[: late[0]])).max() < 1e-12
     assert np.abs(got[late] - angle[late]).max() < 1e-12
     assert gimbal_angles(hinge(90.0, to_deg=100), (0, 0, 1), to_body_B, times).max() == pytest.approx(np.radians(100))
