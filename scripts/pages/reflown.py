@@ -428,8 +428,8 @@ ENCOUNTERS = (
 TEXT = """# What was flown
 
 Encounters of real spacecraft, posed by what was published of their geometry, flown, and held against what was published
-of their pictures. Written by `python -m scripts.pages.reflown`; `swarm-mj run refly-steins refly-lutetia refly-wild2
-refly-liciacube` flies the same, with reports and figures.
+of their pictures. Written by `python -m scripts.pages.reflown`; `swarm-mj fly refly-steins refly-lutetia refly-wild2
+refly-liciacube` flies the same, with reports and figures; `swarm-mj video results/refly-steins` makes a film of it.
 
 What is tested is the chain from phase angles and UTC to pictures: heliocentric orbits of the bodies, states, attitude,
 cameras and geometry. What is not: the shape of the bodies, which are ellipsoids of the published axes; brightness; and
