@@ -167,7 +167,7 @@ def test_a_probability_stands_alone_among_demands_of_safety(other):
 
 SMALL = {"observation.criterion": "arrival", "observation.observer": "raycast", "target.cell_size_m": None,
          "camera.half_angle_deg": 7, "telemetry.interval_s": 10, "observation.interval_s": 600, "designer.realisations": 2,
-         "designer.check_flights": 3, "designer.time_limit_s": 30,
+         "designer.check_flights": 3, "designer.time_limit_s": 10,
          "faults": [{"kind": "spacecraft_lost", "spacecraft": "all", "probability": 0.1, "between_s": [0, 600]}]}  # fmt: skip
 
 
