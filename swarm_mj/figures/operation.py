@@ -109,7 +109,7 @@ def _draw_instant(ax: Axes, plan: Plan, telemetry: xr.Dataset, seen: Mask, scene
         if scene.mode[k, j] < LOST:
             sight = straight(scene.r_A[k, j], tips[j])
             draw_line(ax, view, body, sight, color=colour, linewidth=1.0, linestyle=DASHES)
-    started = bool(scene.times[held[0]] == 0.0)
+    started = bool(scene.times[held[0]] == 0.0) and not plan.scenario.initial_states
     if started:
         draw_points(ax, view, body, scene.r_A[0, :1], marker="s", markersize=6, color=BLACK)
     for j in range(plan.n):
@@ -192,26 +192,34 @@ LEAST_MISS_MM = 1e-3
 
 
 def compose_trajectories(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, frame: Frame = None) -> Figure:
-    """The way of each spacecraft to its visiting point, and the delta-v that starts it; frames as of `compose_behaviors`."""
+    """The way of each spacecraft to its visiting point, and the delta-v that starts it; frames as of `compose_behaviors`.
+
+    Of spacecraft that were on their way at the epoch the way alone.
+    """
     near = near_arrival(plan, telemetry)
     at_rest = frame_at_rest(plan, near, frame)
     scene = scene_from(plan, near, at_rest=at_rest)
     shown = shown_spacecraft(plan.n)
     figure = new_figure(5.4, f"Trajectories: {plan.scenario.name}{note_of_omission(plan.n, shown)}", width_in=11.0)
-    space, bars = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
+    coming = bool(plan.scenario.initial_states)
+    space, *others = figure.subplots(
+        1, 1 if coming else 2, width_ratios=[1.35, 1.0][: 1 if coming else 2], squeeze=False
+    )[0]
     started = _draw_flight(space, plan, scene)
     time = instant(last_arrival_s(plan.scenario), time_axis(plan.scenario.duration_s))
     away = plan.mothership_distance / KM
-    start = "" if started else f"; $r_0$, {away:,.0f} km away, is not shown"
+    start = "" if started or coming else f"; $r_0$, {away:,.0f} km away, is not shown"
     missed, residual = (_length(miss.max()) for miss in (arrival_miss_m(plan, telemetry), plan.deployment.miss_m))
-    words = f"{frame_words(at_rest)}; time of flight $t_f$ = {time}{start}"
-    caption(space, f"{words}\npoints missed in flight by {missed} at most")
-    _draw_velocities(bars, plan, shown)
-    caption(bars, f"from the mothership; solver's residual {residual}")
+    words = f"{frame_words(at_rest)}; {'arrival' if coming else 'time of flight'} $t_f$ = {time}{start}"
+    caption(space, words if coming else f"{words}\npoints missed in flight by {missed} at most")
+    for bars in others:
+        _draw_velocities(bars, plan, shown)
+        caption(bars, f"from the mothership; solver's residual {residual}")
     handles: list[Line2D | Patch] = []
     if started:
         handles.append(marker_handle("mothership at deployment, $r_0$", BLACK, "s"))
-    handles.append(marker_handle("observers at visiting points, $r_f$", VERMILLION, "o"))
+    where = "at the arrival" if coming else "at visiting points, $r_f$"
+    handles.append(marker_handle(f"observers {where}", VERMILLION, "o"))
     if plan.n > plan.n_observers:
         handles.append(marker_handle("communications spacecraft, mean of the points", BLUE, "D"))
     handles += [
@@ -247,7 +255,7 @@ def _draw_flight(ax: Axes, plan: Plan, scene: Scene) -> bool:
         draw_line(ax, view, mesh, scene.r_A[after, j], color=colour, linewidth=0.8 * width, linestyle=":")
         place = scene.r_A[arrival, j : j + 1]
         draw_points(ax, view, mesh, place, marker=marker, markersize=size, color=colour, mec="white")
-    started = bool(scene.times[held[0]] == 0.0)
+    started = bool(scene.times[held[0]] == 0.0) and not plan.scenario.initial_states
     if started:
         draw_points(ax, view, mesh, scene.r_A[0, :1], marker="s", markersize=7, color=BLACK)
         name_beside(ax, view.project(scene.r_A[0, 0]), "$r_0$", (13.0, -5.0), BLACK)

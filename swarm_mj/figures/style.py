@@ -88,6 +88,8 @@ def caption(ax: Axes, text: str, *, size: float = TICK_PT, pad: float | None = N
 def role(plan: Plan, j: int) -> str:
     """What spacecraft j was sent to do."""
     points = plan.scenario.design.visiting_points
+    if plan.scenario.initial_states:
+        return "on its way at the epoch"
     return f"visits point {points[j]}" if j < plan.n_observers else "communications"
 
 

@@ -104,6 +104,8 @@ class RunRecord:
         """What spacecraft j was sent to do."""
         if j >= len(self._stops):
             return "communications"
+        if self.scenario.initial_states:
+            return "on its way at the epoch"
         stop, several = self._stops[j], bool(self.scenario.designer.extra_targets)
         return f"visits point {stop.point}" + (f" of target {target_name(stop.target)}" if several else "")
 

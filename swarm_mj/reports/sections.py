@@ -21,6 +21,11 @@ from swarm_mj.scenarios.itinerary import target_name
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.shape_check import shown_size
 
+#: Of more spacecraft the page does not tell how each passed.
+MAX_PASSAGES = 12
+#: Phase angles of a passage that it tells, by their keys in the summary.
+PHASES = {"start": "at first", "closest": "then", "end": "in the end"}
+
 P_TO = Html("observed area P<sub>TO</sub>")
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 CRITERION = {"passage": "in the whole passage", "arrival": "at the instant of the arrival"}
@@ -170,12 +175,18 @@ def design_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
     """Who visits which point, and why no smaller swarm would do."""
     parts = []
     for run, label in zip(runs, labels, strict=True):
-        parts += [tag("h3", label) if len(runs) > 1 else None, _mothership_orbit(run.summary), _design(run)]
+        orbit = None if run.scenario.initial_states else _mothership_orbit(run.summary)
+        parts += [tag("h3", label) if len(runs) > 1 else None, orbit, _design(run)]
     return section("design", "Design", parts)
 
 
 def _design(run: RunRecord) -> Html:
     design = run.scenario.design
+    if run.scenario.initial_states:
+        told = list(run.summary["encounters"].items())[:MAX_PASSAGES]
+        return tag(
+            "p", "On their way at the epoch, without mothership and design: ", "; ".join(map(_passage, told)), "."
+        )
     points = ", ".join(map(str, design.visiting_points))
     words = (
         f"{len(design.visiting_points)} observers visit the points {points} of the target's "
@@ -198,6 +209,15 @@ def _design(run: RunRecord) -> Html:
         why = "These points were given; the run has no record of a design with a proof. The fewest are found by "
         return join([tag("p", words), tag("p", why, tag("code", "swarm-mj design"), ".")])
     return join([tag("p", words), _proof(run, run.design)])
+
+
+def _passage(told: tuple[str, dict[str, Any]]) -> str:
+    name, how = told
+    phases = (f"{how[f'phase_{when}_deg']:.1f} deg {words}" for when, words in PHASES.items())
+    return (
+        f"{name} is nearest to the body's centre at {how['closest_approach_s']:g} s, {_km(how['distance_m'])} away, at "
+        f"{_speed(how['speed_m_s'])}; its phase angle is {', '.join(phases)}"
+    )
 
 
 def _proof(run: RunRecord, record: dict[str, Any]) -> Html:

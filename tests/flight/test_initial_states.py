@@ -224,3 +224,23 @@ def test_dates_in_utc_are_brought_to_tdb_by_the_leap_seconds_of_their_day():
         "2008-09-05T18:24:25.18"
     )
     assert instant("2008-09-05T18:38:20Z", "UTC") - epoch_of("2008-09-05T18:38:20") == pytest.approx(65.184e9, abs=2e6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"mothership.position_A_m": [0, 0, -2e4]}, "mothership: cannot go with initial_states"),
+        ({"behavior.name": "dedicated_communications"}, "adds a spacecraft for communications"),
+        (
+            {
+                "camera.gimbal": {"axis_B": [0, 1, 0], "from_deg": 0, "to_deg": 90, "rate_deg_s": 1},
+                "swarm": {"class": 3},
+            },
+            "gimbal",
+        ),
+    ],
+)
+def test_what_cannot_be_with_a_flyby_that_was_flown_is_refused_by_its_key(changes, says):
+    with pytest.raises(sm.SwarmError, match=says):
+        planned = sm.load("refly-steins", changes)
+        sm.fly(planned, figures=False, report=False)
