@@ -18,6 +18,7 @@ from swarm_mj.dataflow.link_budget import RateTable, rate_at
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight.companion import refuse_for_whole_flights
 from swarm_mj.flight.fly import initial_state, make_simulation
+from swarm_mj.flight.mothership import refuse_known_states
 from swarm_mj.flight.observe import camera_from, refuse_sequence, schedule_from
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.mission.deployment import planned_paths
@@ -400,6 +401,7 @@ def make_own(
     """
     refuse_for_whole_flights(scenario, "SwarmObserve-v0")
     refuse_sequence(scenario, "SwarmObserve-v0")
+    refuse_known_states(scenario, "SwarmObserve-v0")
     plan, design = make_plan(scenario), scenario.design
     whole = target == "body" or plan.region.kind == "body"
     if plan.region.is_wide and not whole:

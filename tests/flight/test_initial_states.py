@@ -213,6 +213,11 @@ def test_a_state_that_says_too_much_or_too_little_is_refused_by_its_key(entry, s
     assert says in str(error.value)
 
 
+def test_a_design_refuses_spacecraft_that_are_on_their_way():
+    with pytest.raises(ScenarioError, match="initial_states: a design chooses paths from a mothership"):
+        sm.design("refly-steins", progress=False)
+
+
 def test_a_body_in_the_way_is_refused_with_its_spacecraft():
     with pytest.raises(sm.SwarmError, match="sc1"):
         planned(by_phase({"approach_deg": 38.6, "least_deg": 0.27}, distance_m=1000.0))

@@ -20,6 +20,7 @@ from swarm_mj.coordination.encounter import settling_times
 from swarm_mj.errors import MissionError, PathError, ScenarioError
 from swarm_mj.flight.burns import total_delta_v
 from swarm_mj.flight.environment import load_body_shape
+from swarm_mj.flight.mothership import refuse_known_states
 from swarm_mj.flight.observe import schedule_from
 from swarm_mj.flight.plan import Plan, as_planned, behavior_from, make_plan
 from swarm_mj.flight.targets import target_from
@@ -107,6 +108,7 @@ def fly_candidates(scenario: Scenario, progress: Progress | None = None) -> Cand
         Unreachable: No point can be.
         SwarmError: The behaviour must know the mission.
     """
+    refuse_known_states(scenario, "a design")
     scenario = as_planned(scenario)
     if isinstance(behavior_from(scenario), MissionBehavior):
         raise MissionError(
