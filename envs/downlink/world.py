@@ -12,9 +12,9 @@ from swarm_mj.dataflow.ground import earth_schedule
 from swarm_mj.dataflow.network import Access
 from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.companion import refuse_for_whole_flights
 from swarm_mj.flight.plan import Plan, antennas_from, make_plan
 from swarm_mj.flight.post_flight import turned
+from swarm_mj.flight.refusals import refuse_turned_cameras_and_companions
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.scenarios.constants import AU, DAY
@@ -104,7 +104,7 @@ class DownlinkTask:
                 "does not turn spacecraft to each other"
             )
         self.config, self.given = config, given
-        refuse_for_whole_flights(given, "SwarmDownlink-v0")
+        refuse_turned_cameras_and_companions(given, "SwarmDownlink-v0")
         self.plan: Plan = make_plan(given)
         self.n = self.plan.n
         self.access = Access(given.link.crosslink.access)

@@ -16,11 +16,10 @@ import numpy as np
 
 from swarm_mj.dataflow.link_budget import RateTable, rate_at
 from swarm_mj.errors import MissionError, ScenarioError
-from swarm_mj.flight.companion import refuse_for_whole_flights
 from swarm_mj.flight.fly import initial_state, make_simulation
-from swarm_mj.flight.mothership import refuse_known_states
-from swarm_mj.flight.observe import camera_from, refuse_sequence, schedule_from
+from swarm_mj.flight.observe import camera_from, schedule_from
 from swarm_mj.flight.plan import Plan, make_plan
+from swarm_mj.flight.refusals import refuse_known_states, refuse_sequence, refuse_turned_cameras_and_companions
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.mission.target import TargetRegion, automatic_cell_size, whole_body
 from swarm_mj.observation.capture import lit_cells
@@ -399,7 +398,7 @@ def make_own(
     Raises:
         ScenarioError: Compiled code cannot fly it; the message says why.
     """
-    refuse_for_whole_flights(scenario, "SwarmObserve-v0")
+    refuse_turned_cameras_and_companions(scenario, "SwarmObserve-v0")
     refuse_sequence(scenario, "SwarmObserve-v0")
     refuse_known_states(scenario, "SwarmObserve-v0")
     plan, design = make_plan(scenario), scenario.design

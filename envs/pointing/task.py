@@ -10,8 +10,8 @@ import numpy as np
 from gymnasium import spaces
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.companion import refuse_for_whole_flights
 from swarm_mj.flight.plan import Plan, make_plan
+from swarm_mj.flight.refusals import refuse_turned_cameras_and_companions
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario, is_multiple
@@ -82,7 +82,7 @@ class PointingTask:
                 f"holds = {config.holds} of hold_s = {config.hold_s:g} s: longer than the scenario's duration_s = "
                 f"{given.duration_s:g} s; shorten the holds"
             )
-        refuse_for_whole_flights(given, "SwarmPointing-v0")
+        refuse_turned_cameras_and_companions(given, "SwarmPointing-v0")
         self.plan: Plan = make_plan(given)
         period = given.control.period_s
         self._grid = max(1, round(GRID_S / period))

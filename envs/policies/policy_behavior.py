@@ -18,8 +18,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from swarm_mj.errors import MissionError, ScenarioError
-from swarm_mj.flight.companion import refuse_for_whole_flights
 from swarm_mj.flight.plan import Plan, unchecked_behavior
+from swarm_mj.flight.refusals import refuse_turned_cameras_and_companions
 from swarm_mj.io.resources import asset_path
 from swarm_mj.mission.behaviors import Behavior, SwarmView, TargetKind, Targets
 from swarm_mj.scenarios.schema import Scenario
@@ -119,7 +119,7 @@ class ScriptedPolicy(_PolicyBehavior):
 
     def check_scenario(self, scenario: Scenario) -> None:
         """Refuse a scenario whose times do not fit the policy's step, or with a companion."""
-        refuse_for_whole_flights(scenario, "a policy (behavior.name)")
+        refuse_turned_cameras_and_companions(scenario, "a policy (behavior.name)")
         _check_step(scenario, self.step_s)
 
     def for_flight(self, plan: Plan) -> Behavior:
@@ -150,7 +150,7 @@ class TrainedPolicy(_PolicyBehavior):
             ScenarioError: The file cannot be read, or is of another environment.
             MissionError: The times do not fit.
         """
-        refuse_for_whole_flights(scenario, "a policy (behavior.name)")
+        refuse_turned_cameras_and_companions(scenario, "a policy (behavior.name)")
         _check_step(scenario, _times(self._path)[0])
 
     def for_flight(self, plan: Plan) -> Behavior:

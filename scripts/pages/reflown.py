@@ -105,6 +105,11 @@ class Flown(NamedTuple):
         begin, end = (self.closest, self.path.last) if after else (self.path.first, self.closest)
         return float(brentq(lambda t: self.path.distance(t) - distance_m, begin, end))
 
+    def departure(self) -> float:
+        """Phase far out on the way away, by the last velocity [deg]."""
+        v, sun = self.path.velocity(self.path.last), self.path.sun(self.closest)
+        return float(np.degrees(np.arccos(v @ sun / np.linalg.norm(v) / np.linalg.norm(sun))))
+
     def turning(self) -> float:
         """Peak rate of the camera in N near the closest approach [deg/s]."""
         _, omega = flown_cameras(self.plan.scenario, self.telemetry)
@@ -122,7 +127,6 @@ class Encounter:
     posed: str
     rows: Callable[[Flown], list[Row]]
     panels: Sequence[tuple[str, str]]  # instants in UTC, and what was published of them
-    notes: str = ""
 
 
 def flown(name: str, changes: Mapping[str, Any] | None = None) -> Flown:
@@ -153,7 +157,7 @@ def steins(flight: Flown) -> list[Row]:
             "time given to 1 s, speed to 0.05 km/s, approach to 0.05 deg",
             "s",
         ),
-        Row("phase far out on departure", REPORTED, 140.0, 180.0 - 38.6, 5.0, "given as about 140", "deg"),
+        Row("phase far out on departure", REPORTED, 140.0, flight.departure(), 5.0, "given as about 140", "deg"),
     ]
     pictures = (
         (1340, 2, False),
@@ -238,7 +242,14 @@ def lutetia(flight: Flown) -> list[Row]:
             0,
         ),
         Row(
-            "phase far out on departure", schulz, 168.0, 169.0, 1.0, "approach and departure given to 0.5 deg", "deg", 0
+            "phase far out on departure",
+            schulz,
+            168.0,
+            flight.departure(),
+            1.0,
+            "approach and departure given to 0.5 deg",
+            "deg",
+            0,
         ),
         Row("scale at the closest approach", REPORTED, 60.0, scale, 5.0, "given as 60", "m/px"),
         Row("peak rate of the line of sight", REPORTED, 0.27, flight.turning(), 0.005, "last digit", "deg/s", 3),
@@ -315,9 +326,9 @@ def wild2(flight: Flown) -> list[Row]:
             "phase far out on departure",
             REPORTED,
             110.0,
-            180.0 - 70.0,
+            flight.departure(),
             0.5,
-            "closed form of the approach that was posed",
+            "last digit",
             "deg",
         ),
         Row("share that was seen", REPORTED, 50.0, seen_percent("refly-wild2"), 5.0, "given as about 50", "%"),

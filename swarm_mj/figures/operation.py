@@ -202,9 +202,8 @@ def compose_trajectories(plan: Plan, telemetry: xr.Dataset, result: ObservationR
     shown = shown_spacecraft(plan.n)
     figure = new_figure(5.4, f"Trajectories: {plan.scenario.name}{note_of_omission(plan.n, shown)}", width_in=11.0)
     coming = bool(plan.scenario.initial_states)
-    space, *others = figure.subplots(
-        1, 1 if coming else 2, width_ratios=[1.35, 1.0][: 1 if coming else 2], squeeze=False
-    )[0]
+    widths = (1.35,) if coming else (1.35, 1.0)
+    space, *others = figure.subplots(1, len(widths), width_ratios=widths, squeeze=False)[0]
     started = _draw_flight(space, plan, scene)
     time = instant(last_arrival_s(plan.scenario), time_axis(plan.scenario.duration_s))
     away = plan.mothership_distance / KM

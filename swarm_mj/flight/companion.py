@@ -69,17 +69,3 @@ def _path_of_file(scenario: Scenario, asked: MutualPath) -> SampledPath:
     return SampledPath(
         times, kernels.states_N(asked.target, ephemeris_time(scenario.epoch) + times, "companion.ephemeris.spk", remedy)
     )
-
-
-def refuse_for_whole_flights(scenario: Scenario, what: str) -> None:
-    """Refuse what is known only where a whole flight is judged: a companion, and cameras that do not look along +z.
-
-    Raises:
-        ScenarioError: The scenario has one.
-    """
-    if scenario.companion is not None:
-        raise ScenarioError(f"companion: {what} knows one body alone; leave companion out, or fly without it")
-    camera = scenario.camera
-    if not camera.as_the_body:
-        key = "gimbal" if camera.gimbal else "misalignment_deg" if any(camera.misalignment_deg) else "boresight_B"
-        raise ScenarioError(f"camera.{key}: {what} takes pictures along +z alone; leave it out, or fly without {what}")

@@ -17,9 +17,9 @@ from swarm_mj.coordination.graph import Graph, graph_at
 from swarm_mj.dataflow.contacts import Contacts, Instant, radios_from
 from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import MissionError
-from swarm_mj.flight.companion import refuse_for_whole_flights
 from swarm_mj.flight.encounter_table import alone, encounter_of, together, track_of
 from swarm_mj.flight.observe import observer_from
+from swarm_mj.flight.refusals import refuse_turned_cameras_and_companions
 from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior, SwarmView, TargetKind, Targets
 from swarm_mj.mission.links import Obstacle
 from swarm_mj.observation.camera import Motion
@@ -45,7 +45,7 @@ def coordinated(behavior: Behavior, scenario: Scenario) -> Behavior:
     """
     if (swarm := scenario.swarm) is None:
         return behavior
-    refuse_for_whole_flights(scenario, "a swarm that coordinates in flight (swarm)")
+    refuse_turned_cameras_and_companions(scenario, "a swarm that coordinates in flight (swarm)")
     parts, election = parts_chosen(swarm), scenario.data.election
     if acts_alone(swarm) and election != "flight":
         why = (

@@ -21,7 +21,8 @@ from swarm_mj.coordination.encounter import (
     turning_angles,
 )
 from swarm_mj.coordination.replanning import planned_alone, planned_together, problem_of
-from swarm_mj.flight.observe import camera_from, refuse_sequence, schedule_from
+from swarm_mj.flight.observe import camera_from, schedule_from
+from swarm_mj.flight.refusals import refuse_sequence
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.observation.observer import make_observer

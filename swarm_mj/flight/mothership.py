@@ -98,19 +98,6 @@ def known_states(scenario: Scenario, environment: Environment) -> tuple[Array, A
     return np.array(r_N), np.array(v_N)
 
 
-def refuse_known_states(scenario: Scenario, what: str) -> None:
-    """Refuse spacecraft that are on their way where paths from a mothership are chosen.
-
-    Raises:
-        ScenarioError: There are some.
-    """
-    if scenario.initial_states:
-        raise ScenarioError(
-            f"initial_states: {what} chooses paths from a mothership; say by mothership.approach how that comes, and leave "
-            "initial_states out"
-        )
-
-
 def _known_state(
     asked: Mothership | KnownState, key: str, scenario: Scenario, environment: Environment
 ) -> MothershipState | None:

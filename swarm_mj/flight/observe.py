@@ -12,7 +12,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from swarm_mj.dataflow.delivery import Delivery
-from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.light import Turning, lit_sometime
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, Motion, motion_blur_px
@@ -142,18 +141,6 @@ def sequence_of(scenario: Scenario) -> Iterator[tuple[int, float, float | None]]
         everybody = range(len(scenario.design.visiting_points))
         for who in everybody if picture.spacecraft is None else (picture.spacecraft - 1,):
             yield who, t, picture.exposure_s
-
-
-def refuse_sequence(scenario: Scenario, what: str) -> None:
-    """Refuse a scenario whose pictures are taken by a table where they can only be taken at equal intervals.
-
-    Raises:
-        ScenarioError: It has one.
-    """
-    if scenario.observation.sequence:
-        raise ScenarioError(
-            f"observation.sequence: {what} takes pictures every observation.interval_s; leave the sequence out"
-        )
 
 
 def observer_from(scenario: Scenario, region: TargetRegion) -> Observer:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from swarm_mj.flight.observe import flown_cameras
 from swarm_mj.interop.states import FlightStates
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.typing import Array, Pixels
@@ -37,7 +38,8 @@ def write_scene(states: FlightStates) -> bytes:
     _add(scene, body, states.body.name, _pose(C_AN, np.zeros(3)))
     size = np.array(states.plan.scenario.spacecraft.size_m)
     scale = SPACECRAFT_SIZE * shape.max_radius / size.max()
-    C_BN, C_CN = dcm(states.telemetry["sigma_BN"].values[k]), states.C_CN[k]
+    C_BN = dcm(states.telemetry["sigma_BN"].values[k])
+    C_CN = flown_cameras(states.plan.scenario, states.telemetry)[0][k]
     for j, name in enumerate(states.plan.names):
         color = np.array([*(round(255 * x) for x in COLORS[j % len(COLORS)]), 255], np.uint8)
         pose = _pose(C_BN[j], states.states_N[k, j, :3])
@@ -45,12 +47,8 @@ def write_scene(states: FlightStates) -> bytes:
         box.visual.face_colors = color
         _add(scene, box, name, pose, {"drawn_times_larger": float(scale)})
         _add(scene, _line(_path(states.states_N[states.flown(j), j, :3]), color), f"{name}_path", np.eye(4))
-        _add(
-            scene,
-            _line(_field_of_view(states, j), color),
-            f"{name}_field_of_view",
-            _pose(C_CN[j], states.states_N[k, j, :3]),
-        )
+        seen_from = _pose(C_CN[j], states.states_N[k, j, :3])
+        _add(scene, _line(_field_of_view(states, j), color), f"{name}_field_of_view", seen_from)
     out: bytes = scene.export(file_type="glb")
     return out
 

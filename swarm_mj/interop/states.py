@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import xarray as xr
 
-from swarm_mj.flight.observe import arrival_sample, camera_from, flown_cameras
+from swarm_mj.flight.observe import arrival_sample, camera_from
 from swarm_mj.flight.plan import Plan
 from swarm_mj.io.times import SECOND, epoch_of
 from swarm_mj.observation.camera import CameraModel
@@ -111,11 +111,6 @@ class FlightStates:
     def q_BN(self) -> Array:
         """Euler parameters (w, x, y, z) of B relative to N, without jumps of sign, shape (t, n, 4)."""
         return steady(quaternion_from_mrp(self.telemetry["sigma_BN"].values))
-
-    @cached_property
-    def C_CN(self) -> Array:
-        """Rotations from N to the cameras' frames, shape (t, n, 3, 3)."""
-        return flown_cameras(self.plan.scenario, self.telemetry)[0]
 
     @cached_property
     def q_BE(self) -> Array:

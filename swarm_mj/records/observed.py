@@ -28,17 +28,21 @@ REMEDIES = {
     "(target.region: lit), or count dark ground too (observation.light: ignored)",
     Cause.CAMERA_OFF: "let others see the same area too (designer.fold: 2)",
 }
+#: Of these what would help is another place to look from.
+OF_THE_PATH = (Cause.OUT_OF_VIEW, Cause.FACES_AWAY, Cause.OBLIQUE, Cause.COARSE, Cause.HIDDEN)
 
 
-def not_observed(area: Array, why: NDArray[np.int8]) -> list[dict[str, Any]]:
+def not_observed(area: Array, why: NDArray[np.int8], *, coming: bool = False) -> list[dict[str, Any]]:
     """Causes and their shares of the target [%], the largest first.
 
     Args:
         area: Of each cell [m^2], shape (n,).
         why: `Cause` of each, shape (n,).
+        coming: Whether spacecraft are on their way at the epoch (`initial_states`), so that none flies to a visiting point.
     """
+    remedies = REMEDIES | (dict.fromkeys(OF_THE_PATH, "another passage (initial_states) may see it") if coming else {})
     return [
-        {"cause": WORDS[cause], "percent": rounded(share, 6), "remedy": REMEDIES[cause]}
+        {"cause": WORDS[cause], "percent": rounded(share, 6), "remedy": remedies[cause]}
         for cause, share in shares(area, why).items()
     ]
 

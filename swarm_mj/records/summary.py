@@ -79,7 +79,7 @@ def _observed(plan: Plan, result: ObservationResult) -> dict[str, Any]:
         **_by_target(plan, result),
         "coverage_percent_passage": rounded(result.passage.percent, 6),
         "coverage_percent_by_spacecraft": by_name(plan.names, result.coverage.percent_by_spacecraft, 4),
-        "not_observed": not_observed(region.weighted_area, result.why),
+        "not_observed": not_observed(region.weighted_area, result.why, coming=bool(scenario.initial_states)),
         "classes": mapped_by_class(region, result.quality),
         "criterion": scenario.observation.criterion,
         "light": scenario.observation.light,

@@ -9,10 +9,10 @@ from time import perf_counter, sleep
 import numpy as np
 
 from swarm_mj.errors import MissionError
-from swarm_mj.flight.companion import refuse_for_whole_flights
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.observe import observer_from, schedule_from
 from swarm_mj.flight.plan import Plan, antennas_from
+from swarm_mj.flight.refusals import refuse_turned_cameras_and_companions
 from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.mission.links import closed_links
@@ -81,7 +81,7 @@ class LiveFlight:
     """
 
     def __init__(self, plan: Plan) -> None:
-        refuse_for_whole_flights(plan.scenario, "a flight that is watched live")
+        refuse_turned_cameras_and_companions(plan.scenario, "a flight that is watched live")
         self.plan = plan
         period = plan.scenario.control.period_s
         self._observer = observer_from(plan.scenario, plan.region)

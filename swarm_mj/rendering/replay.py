@@ -24,7 +24,7 @@ from swarm_mj.records.run_record import read_run
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.transfers import transfers_of
 from swarm_mj.scenarios.itinerary import last_arrival_s
-from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
+from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp, quaternions
 from swarm_mj.typing import Array, Mask
 
 #: Corners of a trail, and of all trails together; a flyby bends little.
@@ -62,9 +62,9 @@ class Replay:
         self._first_seen_s = first_seen_s
         self._position = CubicHermiteSpline(self.times, telemetry["r_BN_N"].values, telemetry["v_BN_N"].values)
         self._q_BN = quaternion_from_mrp(telemetry["sigma_BN"].values)
-        C_CN, _ = flown_cameras(plan.scenario, telemetry)
-        q_CN = Rotation.from_matrix(np.swapaxes(C_CN, -1, -2).reshape(-1, 3, 3)).as_quat(scalar_first=True)
-        self._q_CN = None if plan.scenario.camera.as_the_body else q_CN.reshape(self._q_BN.shape)
+        self._q_CN = (
+            None if plan.scenario.camera.as_the_body else quaternions(flown_cameras(plan.scenario, telemetry)[0])
+        )
         self._kind = telemetry["mode"].values.astype(np.int64)
         if plan.scenario.camera.gimbal is not None:  # which looks at the body while the spacecraft holds a direction
             self._kind[self._kind == TargetKind.DIRECTION] = TargetKind.ASTEROID

@@ -168,7 +168,9 @@ def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.in
     r_A = np.einsum("kij,knj->kni", C_AN, telemetry["r_BN_N"].values)
     C_NA = np.swapaxes(C_AN, 1, 2)
     C_BA = dcm(telemetry["sigma_BN"].values[:, shown]) @ C_NA[:, None]
-    C_CA = flown_cameras(run.scenario, run.telemetry)[0][np.ix_(samples, shown)] @ C_NA[:, None]
+    C_CA = C_BA
+    if not run.scenario.camera.as_the_body:  # a gimbal's angle hangs on all samples before
+        C_CA = flown_cameras(run.scenario, run.telemetry)[0][np.ix_(samples, shown)] @ C_NA[:, None]
     # The camera looks at the body; +z at all else.
     looks = watching(run.n, mode, turns=run.scenario.camera.gimbal is not None)
     z_A = np.where(looks[..., None], C_CA[..., 2, :], C_BA[..., 2, :])

@@ -20,9 +20,9 @@ from swarm_mj.coordination.encounter import settling_times
 from swarm_mj.errors import MissionError, PathError, ScenarioError
 from swarm_mj.flight.burns import total_delta_v
 from swarm_mj.flight.environment import load_body_shape
-from swarm_mj.flight.mothership import refuse_known_states
 from swarm_mj.flight.observe import schedule_from
 from swarm_mj.flight.plan import Plan, as_planned, behavior_from, make_plan
+from swarm_mj.flight.refusals import refuse_known_states
 from swarm_mj.flight.targets import target_from
 from swarm_mj.mission.behaviors import MissionBehavior, SwarmView, TargetKind
 from swarm_mj.mission.deployer import beyond
