@@ -86,6 +86,7 @@ class Flown(NamedTuple):
     telemetry: xr.Dataset
     path: Path
     seen: CoverageMap
+    gsd_m: Array  # of the cells that are seen, in the picture that is kept of each
 
     @property
     def closest(self) -> float:
@@ -135,7 +136,8 @@ def flown(name: str, changes: Mapping[str, Any] | None = None) -> Flown:
     telemetry = simulate(plan)
     path = path_of(plan, telemetry, 0)
     assert path is not None
-    return Flown(plan, telemetry, path, observe_flight(plan, telemetry).coverage)
+    result = observe_flight(plan, telemetry)
+    return Flown(plan, telemetry, path, result.coverage, result.kept.gsd_m[np.isfinite(result.kept.gsd_m)])
 
 
 def seen_percent(name: str, changes: Mapping[str, Any] | None = None) -> float:
@@ -473,18 +475,18 @@ Phases leave open how the flyby is turned about the Sun's direction. Share of th
 
 `liciacube-swarm` is LICIACube's flyby as a design problem: CubeSats of its kind, with its camera, released from one
 path past Dimorphos to forty points 58 km above it. `swarm-mj design liciacube-swarm --class stereo` seeks the least
-number that maps at least 60 % of what the Sun lights in stereo ([quality class](../how-to/quality_classes.md)), and
-proves that {least} are the least. The forty together map {most:.1f} %, those {least} {share:.1f} %: of the rest
-{dark:.1f} % of the lit part are dark when they are looked at, {lack:.1f} % lack looks. The lit part itself is {lit:.1f}
-% of the surface.
+number that maps at least 60 % of what the Sun lights in stereo, at 10 m a pixel or finer ([quality
+class](../how-to/quality_classes.md)), and proves that {least} are the least. The forty together map {most:.1f} %, those
+{least} {share:.1f} %: of the rest {dark:.1f} % of the lit part are dark when they are looked at, {lack:.1f} % lack
+looks. The lit part itself is {lit:.1f} % of the surface.
 
 {swarm}
 
-Light is the limit, not number: one spacecraft at the right place sees nine tenths of what is lit, the second adds stereo,
-and the third and fifth, at points chosen by hand, add almost nothing. Delivered is what of it is on Earth within a week
-by the Iris radio of the catalogue with MarCO's antenna. The plume, and errors of navigation, are not modelled. The
-release 300 s before the closest approach only keeps the design fast: it asks for {delta_v:.0f} m/s at most, to stand
-{aside:.0f} km aside, which a release 15 days before, as LICIACube's was, does with {slow:.2f} m/s.
+Light is the limit, not number: one spacecraft at the right place sees nine tenths of what is lit, the second adds
+stereo, and the third and fifth, at points chosen by hand, add almost nothing. Delivered is what of it is on Earth
+within a week by the Iris radio of the catalogue with MarCO's antenna. The plume, and errors of navigation, are not
+modelled. The release 300 s before the closest approach only keeps the design fast: it asks for {delta_v:.0f} m/s at
+most, to stand {aside:.0f} km aside, which a release 15 days before, as LICIACube's was, does with {slow:.2f} m/s.
 
 ## What is not posed
 
@@ -510,14 +512,17 @@ def main() -> None:
 
 def section(encounter: Encounter, flight: Flown) -> str:
     """Of the page."""
-    rows = encounter.rows(flight)
+    rows, fine = encounter.rows(flight), flight.gsd_m
     fits = sum(row.fits for row in rows)
     head = "| published | value | source | ours | difference | tolerance | |\n|---|---|---|---|---|---|---|"
     pictures = "\n".join(f"{k}. {panel(flight, *told)}" for k, told in enumerate(encounter.panels, start=1))
     return f"""## {encounter.title}
 
-`{encounter.scenario}`. Posed: {encounter.posed}. {fits} of {len(rows)} numbers fit. By the package's default limits of
-light and view {flight.seen.percent:.1f} % of the ellipsoid are observed.
+`{encounter.scenario}`. Posed: {encounter.posed}.
+
+{fits} of {len(rows)} numbers fit. By the package's default limits of light and view {flight.seen.percent:.1f} % of the
+ellipsoid are observed. Faces count by sight, however small (`min_pixels: 0`): they are seen at {np.median(fine):,.3g} m
+a pixel in the middle, {fine.min():,.3g} to {fine.max():,.3g} in all. Pointing is by the default sensors of a CubeSat.
 
 {head}
 {chr(10).join(row.line() for row in rows)}
