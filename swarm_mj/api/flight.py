@@ -257,6 +257,42 @@ class Flight:
         states = FlightStates(self.plan, self.telemetry)
         return write_products(states, self.cells, Path(folder), formats, pixel_m=pixel_m)
 
+    def images(
+        self,
+        folder: str | Path,
+        formats: Sequence[str] = ("png",),
+        *,
+        labels: bool = True,
+        every_s: float | None = None,
+        spacecraft: Sequence[int] | None = None,
+        progress: Shown = None,
+    ) -> list[Path]:
+        """Write the pictures of the cameras as their detectors read them out, with labels; see the page "Light and pictures".
+
+        Args:
+            folder: Where; earlier images are replaced, anything else is refused.
+            formats: `png`, `fits` (extra `fits`), or `all`.
+            labels: Whether to write face, depth, normal, incidence, emission, phase, light and target of every pixel.
+            every_s: Least time between two pictures of a spacecraft [s]; None: all by which the criterion judges.
+            spacecraft: Whose, from 1; None: everybody's.
+            progress: Whether to show progress bars, or the bars to use; None: on a terminal and in notebooks, after 2 s.
+
+        Raises:
+            InteropError: A format is unknown or needs a package that is not installed, or nothing was asked for.
+            OutputError: The folder cannot be written or holds something else.
+            ScenarioError: It is not known how the body reflects light.
+        """
+        from swarm_mj.interop.states import FlightStates
+        from swarm_mj.products.images import write_images
+
+        states = FlightStates(self.plan, self.telemetry)
+        with using_bars(progress) as bars:
+            stages = Stages(self.plan.scenario.name, bars)
+            with stages.stage("images", "pictures", picture_count(self.plan, self.telemetry)) as done:
+                return write_images(
+                    states, Path(folder), formats, labels=labels, every_s=every_s, spacecraft=spacecraft, progress=done
+                )
+
     def __repr__(self) -> str:
         """One line: what was flown and what it saw."""
         share = f"{percent_text(self.coverage.percent)} of the target observed"

@@ -1,4 +1,4 @@
-"""The commands on a finished run: `video`, `report`, `export` and `products`."""
+"""The commands on a finished run: `video`, `report`, `export`, `products` and `images`."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from swarm_mj.errors import OutputError
 FORMATS = ("oem", "aem", "spk", "ck", "dsk", "gltf", "csv")
 #: The same of `swarm_mj.products.write`.
 PRODUCTS = ("parquet", "geotiff", "ply", "obj", "dsk", "png")
+#: The same of `swarm_mj.products.images`.
+IMAGES = ("png", "fits")
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -20,6 +22,7 @@ def add(commands: argparse._SubParsersAction) -> None:
     _add_report(commands)
     _add_export(commands)
     _add_products(commands)
+    _add_images(commands)
 
 
 def _add_video(commands: argparse._SubParsersAction) -> None:
@@ -171,4 +174,47 @@ def _products(arguments: argparse.Namespace) -> int:
     out = arguments.out or run.with_name(f"{run.resolve().name}-products")
     for path in open(run).products(out, arguments.formats, pixel_m=arguments.pixel_m):
         print(path)
+    return 0
+
+
+def _add_images(commands: argparse._SubParsersAction) -> None:
+    what = "Write the pictures of a run as its detectors read them out: true light, shadows, noise; and labels of every pixel."
+    images = add_command(commands, "images", _images, "write the pictures of a run, with labels", what)
+    images.add_argument("run", type=Path, metavar="RUN_DIR", help="result folder of `swarm-mj fly`")
+    images.add_argument(
+        "--format",
+        nargs="+",
+        default=["png"],
+        choices=(*IMAGES, "all"),
+        dest="formats",
+        metavar="FORMAT",
+        help="png (default), fits, or all; fits needs the extra `fits`",
+    )
+    images.add_argument(
+        "--every",
+        type=float,
+        metavar="S",
+        help="pictures of the whole passage, at least S seconds apart (default: those by which the criterion judges)",
+    )
+    images.add_argument("--spacecraft", type=int, nargs="+", metavar="J", help="of these alone, from 1 (default: all)")
+    images.add_argument("--no-labels", action="store_true", help="write no labels")
+    images.add_argument("--out", type=Path, metavar="DIR", help="default: beside the run, RUN_DIR-images")
+    add_quiet(images)
+
+
+def _images(arguments: argparse.Namespace) -> int:
+    from swarm_mj.api.results import open
+
+    run: Path = arguments.run
+    out = arguments.out or run.with_name(f"{run.resolve().name}-images")
+    with bars_for(arguments) as bars:
+        files = open(run).images(
+            out,
+            arguments.formats,
+            labels=not arguments.no_labels,
+            every_s=arguments.every,
+            spacecraft=arguments.spacecraft,
+            progress=bars,
+        )
+    tell(bars.console, f"{len(files)} files in {out}; {out / 'README.md'} says what they hold")
     return 0

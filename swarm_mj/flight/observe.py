@@ -31,6 +31,7 @@ from swarm_mj.observation.capture import (
 from swarm_mj.observation.companion import Screen, Shade
 from swarm_mj.observation.coverage import Cause, CoverageMap, KeptPictures, Shown
 from swarm_mj.observation.observer import Observer, make_observer
+from swarm_mj.observation.photometry import body_surface, radiance_factors
 from swarm_mj.observation.quality import Looks, PictureLooks, Quality, gather, looks_in_picture, quality_of
 from swarm_mj.observation.radiometry import electrons, signal_to_noise
 from swarm_mj.scenarios.itinerary import arrival_times
@@ -294,11 +295,14 @@ class LooksTaken:
         return motion_blur_px(region, camera, picture.r_A, picture.C_CA, picture.motion)[cells]
 
     def _snr(self, picture: Picture, cells: Ints) -> Array | float:
-        region, camera, albedo = self._observer.region, self._scenario.camera, self._scenario.body.albedo
-        if albedo is None or not any("min_snr" in each.needs for each in self._classes):
+        region, camera, surface = self._observer.region, self._scenario.camera, body_surface(self._scenario.body)
+        if surface is None or not any("min_snr" in each.needs for each in self._classes):
             return np.nan
-        reflectance = albedo * np.cos(incidence(region, picture.sun_A)[cells])
-        distance = float(np.linalg.norm(picture.sun_A))
+        distance, range_m = float(np.linalg.norm(picture.sun_A)), np.linalg.norm(picture.r_A - region.centroid_A[cells], axis=1)
+        to_camera = (picture.r_A - region.centroid_A[cells]) / range_m[:, None]
+        to_sun, normal = picture.sun_A / distance, region.normal_A[cells]
+        cosines = normal @ to_sun, np.einsum("ck,ck->c", normal, to_camera), to_camera @ to_sun
+        reflectance = radiance_factors(surface, *cosines)
         if picture.exposure_s is not None:
             camera = camera.model_copy(update={"exposure_s": picture.exposure_s})
         return signal_to_noise(camera, electrons(camera, self._observer.camera.pixel_angle, reflectance, distance))

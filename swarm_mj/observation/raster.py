@@ -174,6 +174,20 @@ def draw_faces(mesh: Mesh, view: View, canvas: Canvas) -> None:
         picture[row * size + row_span[row, 1] + 1 : (row + 1) * size] = 0
 
 
+@kernel
+def draw_projected(mesh: Mesh, canvas: Canvas) -> None:
+    """Draw a mesh whose vertices are projected: columns, rows upwards, and a nearness above 0 that is linear on the picture."""
+    faces, (picture, depth, row_span, projected, chosen) = mesh.faces, canvas
+    size = row_span.shape[0]
+    spans = np.empty((3, size + ROWS))
+    depth[:] = 0.0
+    picture[:] = 0
+    for i in range(_choose(faces, projected, size, chosen)):
+        f = chosen[i]
+        a, b, c = _corner(projected, faces[f, 0]), _corner(projected, faces[f, 1]), _corner(projected, faces[f, 2])
+        _fill(a, b, c, f, size, spans, depth, picture)
+
+
 @jittable
 def _to_pixels(vertices: Array, v: int, r_A: Array, m: Array) -> Corner:
     x, y, z = vertices[v, 0] - r_A[0], vertices[v, 1] - r_A[1], vertices[v, 2] - r_A[2]

@@ -190,12 +190,14 @@ def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
     """
     for section, key, names in (
         ("body", "shape", PACKAGED_SHAPES),
+        ("body", "face_albedo", []),
         ("target", "polygon_file", []),
         ("observation", "sequence", []),
         ("design", "reference", packaged_files("designs", ".json")),
         ("spacecraft", "mjcf", []),
         *(("mothership.ephemeris", key, []) for key in FILES),
         ("companion.body", "shape", PACKAGED_SHAPES),
+        ("companion.body", "face_albedo", []),
         ("companion.ephemeris", "spk", []),
     ):
         values = _section(data, section)

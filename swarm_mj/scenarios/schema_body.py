@@ -8,6 +8,7 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from swarm_mj.scenarios import constants
 from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, expanded_body, packaged_bodies
+from swarm_mj.scenarios.schema_photometry import SETS, Photometry
 from swarm_mj.scenarios.section import AXES, YOUR_OWN, Axes, Parameters, Section
 
 SemiAxis = Annotated[float, Field(gt=0, le=2e6)]
@@ -83,11 +84,30 @@ class Body(Section):
         gt=0,
         le=1,
         description="brightness of the surface under the Sun in its zenith, over that of a white Lambert surface [-], for "
-        "signal to noise; null: not known",
+        "signal to noise and pictures where photometry says nothing; null: not known",
+    )
+    photometry: Photometry | None = Field(
+        None,
+        description=f"how the surface reflects light: a published set ({', '.join(SETS)}) or a law and its numbers; null: the "
+        "set of the packaged shape, else Lambert's law with albedo",
+    )
+    face_albedo: str | None = Field(
+        None,
+        description="path of a text file with a number for each face of the mesh, by which its reflectance is multiplied [-]; "
+        "null: all faces alike",
     )
     gravity: GravityModel = Field(default_factory=GravityModel)
     rotation: RotationState = Field(default_factory=RotationState)
     orbit: HeliocentricOrbit = Field(default_factory=HeliocentricOrbit)
+
+    @property
+    def reflectance(self) -> Photometry | None:
+        """How the surface reflects light; None: nobody says."""
+        if self.photometry is not None:
+            return self.photometry
+        if self.albedo is not None:
+            return Photometry(law="lambert", albedo=self.albedo)
+        return Photometry(**SETS[self.shape]) if self.shape in SETS else None
 
     @model_validator(mode="after")
     def _axes_are_those_of_an_ellipsoid(self) -> Self:

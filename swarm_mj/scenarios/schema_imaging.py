@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from swarm_mj.scenarios.constants import CUBESAT_APERTURE_M, GREEN_LIGHT_M
+from swarm_mj.scenarios.schema_detector import INSTRUMENTS, Detector
 from swarm_mj.scenarios.schema_quality import PACKAGED, Classes
 from swarm_mj.scenarios.schema_sequence import MAX_PICTURES, Pictures
 from swarm_mj.scenarios.section import Section, Vector3
@@ -121,6 +122,10 @@ class Camera(Section):
         ge=0,
         le=1e6,
         description="of a pixel, electrons rms [-], for signal to noise; assumed: of a CMOS detector",
+    )
+    detector: Detector = Field(
+        default_factory=Detector,
+        description=f"what lens and detector add to pictures: {', '.join(INSTRUMENTS)}, or its keys; docs/theory/light.md",
     )
 
     @model_validator(mode="before")

@@ -24,7 +24,7 @@ from swarm_mj.reports.sections import summary_section
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema_quality import QualityClass
 
-DIM = {"camera.exposure_s": 2e-5, "body": "eros"}
+DIM = {"camera.exposure_s": 2e-5, "body.albedo": 0.25}
 OWN = {"name": "low_sun", "demands": [{"incidence_deg": [15, 90], "looks": 2}]}
 CLASSES = {
     "observation.classes": ["seen", "stereo", {"name": "resolved", "max_gsd_m": 110}, OWN],
@@ -151,8 +151,8 @@ def test_limits_that_need_an_exposure_or_an_albedo_are_refused_without_them():
         with pytest.raises(ScenarioError, match=f"own asks for {key}, which needs camera.exposure_s"):
             load_scenario("eros-quick", asked)
     asked = {"observation.classes": [{"name": "own", "demands": [{"min_snr": 10}]}], "camera.exposure_s": 1e-3}
-    with pytest.raises(ScenarioError, match=r"own asks for min_snr, which needs body\.albedo"):
-        load_scenario("eros-quick", {**asked, "body": "itokawa"})
+    with pytest.raises(ScenarioError, match=r"own asks for min_snr, which needs body\.photometry"):
+        load_scenario("eros-quick", {**asked, "body.shape": "ellipsoid", "body.semi_axes_m": [9e3, 6e3, 6e3]})
 
 
 def test_motion_blur_limits_motion_and_is_refused_of_flights_from_files(flight):

@@ -1,0 +1,192 @@
+"""What the cameras of a flight show: pictures of the body in true light, as the detector reads them out, with their labels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+from pathlib import Path
+
+import numpy as np
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.observe import camera_from
+from swarm_mj.flight.plan import Plan
+from swarm_mj.observation.camera import CameraModel, CameraMotion, CameraPose
+from swarm_mj.observation.capture import Picture
+from swarm_mj.observation.detector import DetectorModel, Exposed
+from swarm_mj.observation.lens import Distortion, Lens, lens_of
+from swarm_mj.observation.photometry import body_surface
+from swarm_mj.observation.shading import Labels, ShadedBody
+from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.smallbody.companion import Companion
+from swarm_mj.typing import Array, Array32
+
+#: Longest side of a picture [px], and most instants of an exposure at which it is drawn.
+MOST_PIXELS, MOST_INSTANTS = 8192, 16
+#: Motion of the picture's middle between two instants of an exposure that are both drawn [px].
+BETWEEN_PX = 0.5
+
+
+def detector_camera(scenario: Scenario) -> CameraModel:
+    """The scenario's camera with a picture as fine as its detector, where that is told."""
+    camera, given = camera_from(scenario), scenario.camera
+    size = given.resolution_px
+    if given.detector_px is not None:
+        size = max(given.detector_px)
+    elif given.detector_ifov_rad is not None:
+        size = round(2.0 * camera.tan_half_angle / given.detector_ifov_rad)
+    if size > MOST_PIXELS:
+        raise ScenarioError(
+            f"camera: the detector has {size} pixels along a side, of which pictures take at most {MOST_PIXELS}; give a "
+            "larger camera.detector_ifov_rad"
+        )
+    model = CameraModel(
+        half_angle_deg=camera.half_angle_deg, resolution_px=size, exposure_s=camera.exposure_s, sides=camera.sides
+    )
+    return model
+
+
+def lens_from(scenario: Scenario) -> Lens:
+    """Lens and detector of the scenario's camera; of a cone, the square about it."""
+    return lens_of(detector_camera(scenario), Distortion(*scenario.camera.detector.distortion))
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """A picture.
+
+    Attributes:
+        picture: When, by whom, and from where it was taken.
+        exposed: What the detector read out.
+    """
+
+    picture: Picture
+    exposed: Exposed
+
+
+class PictureMaker:
+    """Makes the pictures of a plan's cameras.
+
+    Args:
+        plan: The mission.
+        seed: Of the detectors' noise; None: the scenario's.
+
+    Attributes:
+        lens: Lens and detector of every spacecraft.
+
+    Raises:
+        ScenarioError: It is not known how the body reflects light, or the file of the faces' albedos does not fit its mesh.
+    """
+
+    def __init__(self, plan: Plan, seed: int | None = None) -> None:
+        self._plan, scenario = plan, plan.scenario
+        surface = body_surface(scenario.body)
+        if surface is None:
+            raise ScenarioError(
+                "body.photometry = null: pictures need to know how the body reflects light; give a published set or a law, or "
+                "body.albedo, 0.04 to 0.4 for most small bodies"
+            )
+        self.lens = lens_from(scenario)
+        self._seed = scenario.seed if seed is None else seed
+        self._companion: Companion | None = plan.environment.companion
+        vertices, faces = np.array(plan.shape.vertices), np.array(plan.shape.faces)
+        albedo = face_albedo(scenario, len(faces))
+        if self._companion is not None:
+            other = self._companion.shape
+            faces = np.vstack((faces, other.faces + len(vertices)))
+            vertices = np.vstack((vertices, self._companion_at(0.0)))
+            albedo = np.concatenate((albedo, np.ones(len(other.faces))))
+        self._body = ShadedBody(vertices, faces, surface, albedo)
+        self._vertices = vertices
+        shape = self.lens.height, self.lens.width
+        self._detectors = [
+            DetectorModel(scenario.camera, 1.0 / self.lens.focal_px, shape, seed=self._seed + j) for j in range(plan.n)
+        ]
+
+    def _companion_at(self, t: float) -> Array:
+        """Vertices of the companion in A at a time [s]."""
+        assert self._companion is not None
+        C_AN = self._plan.environment.C_AN(t)
+        placed: Array = (
+            self._companion.shape.vertices @ self._companion.C_AN(t) + self._companion.position(t)
+        ) @ C_AN.T
+        return placed
+
+    def _arrange(self, t: float) -> None:
+        if self._companion is not None:
+            self._vertices[-len(self._companion.shape.vertices) :] = self._companion_at(t)
+            self._body.move(self._vertices)
+
+    def factor(self, picture: Picture, exposure_s: float = 0.0) -> Array32:
+        """Radiance factors of a picture, averaged over each pixel and over the exposure; shape (height, width)."""
+        self._arrange(picture.t)
+        shown = self._body.draw(self.lens, picture.pose, picture.sun_A)
+        blur = self._motion_px(picture, exposure_s)
+        if blur <= BETWEEN_PX:
+            return shown
+        instants = min(ceil(blur / BETWEEN_PX), MOST_INSTANTS)
+        total = np.zeros_like(shown)
+        for k in range(instants):
+            pose = moved(picture.pose, picture.motion, exposure_s * ((k + 0.5) / instants - 0.5))
+            total += self._body.draw(self.lens, pose, picture.sun_A)
+        return total / np.float32(instants)
+
+    def _motion_px(self, picture: Picture, exposure_s: float) -> float:
+        """How far the body's centre moves over the detector in an exposure [px]; 0 where it is not ahead."""
+        if picture.motion is None or exposure_s <= 0.0:
+            return 0.0
+        ends = [moved(picture.pose, picture.motion, side * exposure_s).to_camera(np.zeros(3)) for side in (-0.5, 0.5)]
+        if min(end[2] for end in ends) <= 0.0:
+            return 0.0
+        return float(np.linalg.norm(np.subtract(*(end[:2] / end[2] for end in ends))) * self.lens.focal_px)
+
+    def take(self, picture: Picture) -> Taken:
+        """Expose a picture, with the noise that belongs to its spacecraft and time."""
+        detector, sun_m = self._detectors[picture.spacecraft], float(np.linalg.norm(picture.sun_A))
+        exposure_s = picture.exposure_s
+        if exposure_s is None:
+            self._arrange(picture.t)
+            still = self._body.draw(self.lens, picture.pose, picture.sun_A)
+            exposure_s = detector.exposure(detector.spread(still), sun_m)
+            smeared = self._motion_px(picture, exposure_s) > BETWEEN_PX
+            factor = self.factor(picture, exposure_s) if smeared else still
+        else:
+            factor = self.factor(picture, exposure_s)
+        rng = np.random.default_rng([self._seed, picture.spacecraft, round(1e3 * picture.t)])
+        return Taken(picture, detector.expose(factor, sun_m, rng, exposure_s))
+
+    def labels(self, picture: Picture) -> Labels:
+        """What is under each pixel of a picture; faces of a companion count on from those of the body."""
+        self._arrange(picture.t)
+        return self._body.labels(self.lens, picture.pose, picture.sun_A)
+
+
+def moved(pose: CameraPose, motion: CameraMotion | None, dt: float) -> CameraPose:
+    """A camera's pose a little later [s], to first order in its motion relative to the body."""
+    if motion is None or dt == 0.0:
+        return pose
+    x, y, z = motion.omega_C * dt
+    turned = (np.eye(3) - np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])) @ pose.C_CA
+    u, _, vt = np.linalg.svd(turned)
+    return CameraPose(pose.r_A + dt * motion.v_A, u @ vt)
+
+
+def face_albedo(scenario: Scenario, count: int) -> Array:
+    """Factor of each face's reflectance, shape (count,).
+
+    Raises:
+        ScenarioError: The file cannot be read, or does not fit the mesh.
+    """
+    if scenario.body.face_albedo is None:
+        return np.ones(count)
+    path = Path(scenario.body.face_albedo)
+    try:
+        factors = np.loadtxt(path, ndmin=1)
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"body.face_albedo = {path}: cannot be read as numbers: {error}") from None
+    if factors.shape != (count,) or not (np.isfinite(factors) & (factors >= 0.0)).all():
+        raise ScenarioError(
+            f"body.face_albedo = {path}: must hold {count} numbers from 0 on, one for each face of the mesh in its order; it "
+            f"holds {factors.size}"
+        )
+    return factors

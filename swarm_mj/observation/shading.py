@@ -1,0 +1,522 @@
+"""Pictures with true light: how bright each pixel of a detector is, shadows included, by compiled code.
+
+A picture is a map of radiance factors I/F (see `photometry`), averaged over the area of each pixel. What is drawn:
+
+1. Face numbers of a grid of samples, several along each pixel, by the rasteriser. Small bodies get more of them, up to `MOST`
+   along a pixel, so that a body of five pixels is as well sampled as one that fills the picture.
+2. The same from the Sun, by parallel rays, over what of the body the picture shows: which face the light meets first.
+3. For each sample the point where its line of sight meets the plane of its face, in double precision. It is in shadow if a face
+   seen from the Sun at one of the four nearest places covers exactly that point from above. Shadows are as sharp as the mesh
+   then; only of what is narrower than a place on the map from the Sun part of a shadow may be lost.
+4. The radiance factor there, linear between those at the corners of the face.
+
+Faces are flat and as bright as their law says at their own incidence and emission. The Sun is a point: at 1 au its disc of
+0.53 deg would soften the edge of a shadow by 0.9 % of the way from what casts it, less than a pixel wherever that way is less
+than a hundred pixels. Faces send no light to each other.
+"""
+
+from __future__ import annotations
+
+from math import ceil, floor, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.compilation import allocation_free, jittable, kernel
+from swarm_mj.observation.camera import CameraPose
+from swarm_mj.observation.lens import Lens
+from swarm_mj.observation.photometry import Surface, radiance_factor
+from swarm_mj.observation.raster import NEAREST, Canvas, Mesh, View, draw_faces, draw_projected, make_canvas, make_mesh
+from swarm_mj.typing import Array, Array32, Ints32, Mask
+
+#: Samples along a side of the grid that is drawn at once.
+GRID = 1024
+#: Fewest and most samples along a pixel.
+FEWEST, MOST = 2, 64
+#: Places along a side of the map from the Sun.
+SUN_GRID = 1024
+#: How far above its face a sample must be covered to lie in shadow, over the body's depth: rounding of double precision.
+ABOVE = 1e-9
+
+
+class Labels(NamedTuple):
+    """What is under the centre of each pixel, row 0 on top; shape (height, width).
+
+    Attributes:
+        face: Number of the face, -1 for the sky.
+        depth: Distance along the line of sight [m], 0 for the sky.
+        normal: Outward unit normal in A, shape (height, width, 3), 0 for the sky.
+        incidence: Angle between normal and Sun [deg], NaN for the sky.
+        emission: Angle between normal and camera [deg], NaN for the sky.
+        phase: Angle between Sun and camera [deg], NaN for the sky.
+        lit: Whether the Sun shines on it.
+    """
+
+    face: Ints32
+    depth: Array
+    normal: Array32
+    incidence: Array32
+    emission: Array32
+    phase: Array32
+    lit: Mask
+
+
+class _Light(NamedTuple):
+    """Faces under the Sun.
+
+    Attributes:
+        surface: Reflectance law.
+        albedo: Factor of each face, shape (f,).
+        normals: Outward unit normals in A, shape (f, 3).
+        axes: Two axes across the Sun's direction and that direction, rows, shape (3, 3).
+        mu0: Cosine of each face's incidence, shape (f,).
+        shades: Numbers of the faces seen from the Sun plus one, row by row; as `Canvas.picture`.
+        from_sun: Column, row and height of each vertex on that map, heights over the body's extent, shape (v, 3).
+        grid: Of the map: the two coordinates of its corner [m] and the size of a place [m].
+    """
+
+    surface: Surface
+    albedo: Array
+    normals: Array
+    axes: Array
+    mu0: Array
+    shades: NDArray[np.uint32]
+    from_sun: Array
+    grid: Array
+
+
+class ShadedBody:
+    """Draws pictures of a body in the light of the Sun.
+
+    Args:
+        vertices: In A [m], shape (v, 3).
+        faces: Vertex indices, counter-clockwise seen from outside, shape (f, 3).
+        surface: How it reflects.
+        face_albedo: Factor of each face, shape (f,); None: 1.
+    """
+
+    def __init__(
+        self, vertices: Array, faces: NDArray[np.integer], surface: Surface, face_albedo: Array | None = None
+    ) -> None:
+        self.surface = surface
+        self._mesh = make_mesh(vertices, faces)
+        self._albedo = np.ones(len(faces)) if face_albedo is None else np.array(face_albedo, np.float64)
+        self._canvas = make_canvas(GRID, len(vertices), len(faces))
+        self._from_sun = make_canvas(SUN_GRID, len(vertices), len(faces))
+        self._planes = np.empty((len(faces), 12))
+        self._seen, self._clear = np.zeros((2, len(faces)), np.bool_)
+        self.move(vertices)
+
+    def move(self, vertices: Array) -> None:
+        """Put the vertices elsewhere [m], shape (v, 3), as those of a companion on its way."""
+        self._mesh.vertices[:] = vertices
+        corners = self._mesh.vertices[self._mesh.faces]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        self._normals = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)
+        self._extent = float(np.ptp(self._mesh.vertices, axis=0).max())
+
+    def draw(self, lens: Lens, pose: CameraPose, sun_A: Array, *, samples: int | None = None) -> Array32:
+        """Radiance factors of a picture, row 0 on top, shape (height, width).
+
+        Args:
+            lens: The detector behind its lens.
+            pose: Of the camera, in A.
+            sun_A: Direction to the Sun in A, of any length, shape (3,).
+            samples: Along each pixel; None: as many as fit, at least `FEWEST` and at most `MOST`.
+        """
+        out = np.zeros((lens.height, lens.width), np.float32)
+        low, high = self._box(lens, pose)
+        size = high - low
+        if not (size > 0).all():
+            return out
+        along = samples or min(max(GRID // (int(size.max()) + 2), FEWEST), MOST)
+        # A bent tile may be wider than a straight one.
+        step = max(1, int((GRID // along) * (0.9 if lens.is_distorted else 1.0)) - (2 if lens.is_distorted else 0))
+        light = self._light(sun_A)
+        for top in range(low[1], high[1], step):
+            for left in range(low[0], high[0], step):
+                tile = left, top, min(left + step, high[0]), min(top + step, high[1])
+                self._draw_tile(lens, pose, light, tile, along, out)
+        return out
+
+    def labels(self, lens: Lens, pose: CameraPose, sun_A: Array) -> Labels:
+        """What is under the centre of each pixel; args as of `draw`."""
+        height, width = lens.height, lens.width
+        face, depth = np.full((height, width), -1, np.int32), np.zeros((height, width))
+        lit, light = np.zeros((height, width), np.bool_), self._light(sun_A)
+        step = int(GRID * 0.9) if lens.is_distorted else GRID
+        low, high = self._box(lens, pose)
+        for top in range(low[1], high[1], step):
+            for left in range(low[0], high[0], step):
+                tile = left, top, min(left + step, high[0]), min(top + step, high[1])
+                view, places = self._draw_grid(lens, pose, light, tile, 1)
+                if view is not None:
+                    _prepare(self._mesh, view, self._canvas, light, self._seen, self._planes)
+                    _label(self._mesh, self._canvas, light, self._planes, places, tile, face, depth, lit)
+        return self._labelled(lens, pose, np.asarray(sun_A, np.float64), face, depth, lit)
+
+    def _labelled(self, lens: Lens, pose: CameraPose, sun_A: Array, face: Ints32, depth: Array, lit: Mask) -> Labels:
+        hit = face >= 0
+        normal = np.zeros((*face.shape, 3), np.float32)
+        normal[hit] = self._normals[face[hit]]
+        columns, rows = np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5)
+        image = lens.to_image(np.stack((columns, rows), -1)[hit])
+        sight = np.column_stack((image, np.ones(len(image)))) @ pose.C_CA
+        sight /= -np.linalg.norm(sight, axis=1, keepdims=True)
+        to_sun = sun_A / np.linalg.norm(sun_A)
+        cosines = (
+            self._normals[face[hit]] @ to_sun,
+            np.einsum("nk,nk->n", self._normals[face[hit]], sight),
+            sight @ to_sun,
+        )
+        angles = []
+        for cosine in cosines:
+            angle = np.full(face.shape, np.nan, np.float32)
+            angle[hit] = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+            angles.append(angle)
+        return Labels(face, depth, normal, angles[0], angles[1], angles[2], lit)
+
+    def _box(self, lens: Lens, pose: CameraPose) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """First column and row that the body may have light in, and the first beyond, within the detector."""
+        points = pose.to_camera(self._mesh.vertices)
+        most = np.array([lens.width, lens.height])
+        ahead = points[:, 2] > NEAREST * self._extent
+        if not ahead.any():
+            return np.zeros(2, np.int64), np.zeros(2, np.int64)
+        if not ahead.all():
+            return np.zeros(2, np.int64), most
+        image = points[:, :2] / points[:, 2:]
+        # Far outside the picture a distortion that was fitted within it may fold back.
+        pixels = lens.to_pixels(points) if lens.is_distorted else lens.focal_px * image + lens.centre
+        low, high = np.floor(pixels.min(axis=0)) - 1, np.ceil(pixels.max(axis=0)) + 1
+        if lens.is_distorted and np.abs(lens.focal_px * image).max() > most.max():
+            low, high = np.zeros(2), most
+        return np.clip(low, 0, most).astype(np.int64), np.clip(high, 0, most).astype(np.int64)
+
+    def _light(self, sun_A: Array) -> _Light:
+        to_sun = np.asarray(sun_A, np.float64) / np.linalg.norm(sun_A)
+        first = np.cross(np.eye(3)[np.abs(to_sun).argmin()], to_sun)
+        first /= np.linalg.norm(first)
+        axes = np.array([first, np.cross(to_sun, first), to_sun])
+        mu0 = self._normals @ to_sun
+        seen = self._from_sun
+        return _Light(self.surface, self._albedo, self._normals, axes, mu0, seen.picture, seen.projected, np.zeros(3))
+
+    def _draw_grid(
+        self, lens: Lens, pose: CameraPose, light: _Light, tile: tuple[int, int, int, int], along: int
+    ) -> tuple[View | None, Array]:
+        """Draw the faces of a tile from the camera and those from the Sun that may shade them.
+
+        Returns:
+            The view, None where there is nothing; and where each pixel lies on the grid, shape (rows, columns, 6), see
+            `_places`, or (0, 0, 6) where the lens bends nothing.
+        """
+        left, top, right, bottom = tile
+        places, corner = np.empty((0, 0, 6)), (np.array([left, top]) - lens.centre) / lens.focal_px
+        if lens.is_distorted:
+            places, corner = _places(lens, tile)
+        scale = along * lens.focal_px  # samples at unit distance
+        # Columns to the right; rows upward from the lower edge of the grid.
+        pixel_from_C = np.array(
+            [
+                [scale, 0.0, -scale * corner[0]],
+                [0.0, -scale, GRID + scale * corner[1]],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+        view = View(np.array(pose.r_A, np.float64), pixel_from_C @ pose.C_CA, NEAREST * self._extent)
+        draw_faces(self._mesh, view, self._canvas)
+        box = np.empty(4)
+        self._clear[:] = False
+        if not _mark_seen(self._mesh, self._canvas, light, self._seen, box):
+            return (view, places) if self._seen.any() else (None, places)
+        side = max(box[2] - box[0], box[3] - box[1]) * (1.0 + 4.0 / SUN_GRID)
+        light.grid[:] = 0.5 * (box[0] + box[2] - side), 0.5 * (box[1] + box[3] - side), side / SUN_GRID
+        _draw_from_sun(self._mesh, light, self._from_sun)
+        _find_clear(self._mesh, self._from_sun, self._seen, self._clear)
+        return view, places
+
+    def _draw_tile(
+        self, lens: Lens, pose: CameraPose, light: _Light, tile: tuple[int, int, int, int], along: int, out: Array32
+    ) -> None:
+        view, places = self._draw_grid(lens, pose, light, tile, along)
+        if view is None:
+            return
+        _prepare(self._mesh, view, self._canvas, light, self._seen, self._planes)
+        _shade(self._mesh, self._canvas, light, self._planes, self._clear, places, tile, along, out)
+
+
+def _places(lens: Lens, tile: tuple[int, int, int, int]) -> tuple[Array, Array]:
+    """Where pixels of a tile lie on the ideal picture, in pixels from its upper left corner, and that corner's image point.
+
+    Of each pixel: its centre's place (x, y), and how that moves with the detector's x and y (xx, xy, yx, yy).
+    """
+    left, top, right, bottom = tile
+    columns, rows = np.meshgrid(np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5)
+    image = lens.to_image(np.stack((columns, rows), -1))
+    slope = np.linalg.inv(lens.distortion_jacobian(image))
+    corner = image.reshape(-1, 2).min(axis=0) - 1.0 / lens.focal_px
+    return np.concatenate((lens.focal_px * (image - corner), slope.reshape(*image.shape[:2], 4)), axis=-1), corner
+
+
+@kernel
+def _mark_seen(mesh: Mesh, canvas: Canvas, light: _Light, seen: Mask, box: Array) -> bool:
+    """Mark the faces in a picture; the box of those that face the Sun, across its direction; whether there is any."""
+    seen[:] = False
+    picture = canvas.picture
+    last = np.uint32(0)
+    for i in range(canvas.row_span.shape[0] ** 2):
+        number = picture[i]
+        if number != last:
+            last = number
+            if number > 0:
+                seen[number - 1] = True
+    box[:2], box[2:] = np.inf, -np.inf
+    axes = light.axes
+    for f in range(len(seen)):
+        if not (seen[f] and light.mu0[f] > 0.0):
+            continue
+        for c in range(3):
+            p = mesh.vertices[mesh.faces[f, c]]
+            for k in range(2):
+                at = axes[k, 0] * p[0] + axes[k, 1] * p[1] + axes[k, 2] * p[2]
+                box[k], box[2 + k] = min(box[k], at), max(box[2 + k], at)
+    return box[2] > box[0]
+
+
+@kernel
+def _draw_from_sun(mesh: Mesh, light: _Light, canvas: Canvas) -> None:
+    """Draw what the light meets first: by parallel rays, nearer is higher towards the Sun."""
+    axes, grid, projected = light.axes, light.grid, canvas.projected
+    lowest, highest = np.inf, -np.inf
+    for v in range(mesh.vertices.shape[0]):
+        p = mesh.vertices[v]
+        for k in range(2):
+            at = axes[k, 0] * p[0] + axes[k, 1] * p[1] + axes[k, 2] * p[2]
+            projected[v, k] = (at - grid[k]) / grid[2]
+        height = axes[2, 0] * p[0] + axes[2, 1] * p[1] + axes[2, 2] * p[2]
+        projected[v, 2] = height
+        lowest, highest = min(lowest, height), max(highest, height)
+    scale = 1.0 / (highest - lowest)
+    for v in range(mesh.vertices.shape[0]):
+        projected[v, 2] = 1.0 + (projected[v, 2] - lowest) * scale
+    draw_projected(mesh, canvas)
+
+
+@allocation_free
+def _find_clear(mesh: Mesh, canvas: Canvas, seen: Mask, clear: Mask) -> None:
+    """Tell of which seen faces the Sun sees every place, so that none of their samples needs to be asked.
+
+    A face is clear if it has places on the map from the Sun, and all whose centres lie in it are its own.
+    """
+    size, at, picture = canvas.row_span.shape[0], canvas.projected, canvas.picture
+    for f in range(len(seen)):
+        clear[f] = False
+        if not seen[f]:
+            continue
+        a, b, c = mesh.faces[f, 0], mesh.faces[f, 1], mesh.faces[f, 2]
+        area = (at[b, 0] - at[a, 0]) * (at[c, 1] - at[a, 1]) - (at[b, 1] - at[a, 1]) * (at[c, 0] - at[a, 0])
+        if not area > 0.0:
+            continue
+        bottom = int(ceil(min(at[a, 1], at[b, 1], at[c, 1]) - 0.5))
+        top = int(floor(max(at[a, 1], at[b, 1], at[c, 1]) - 0.5))
+        own, some, all_own = np.uint32(f + 1), False, True
+        for row in range(max(bottom, 0), min(top, size - 1) + 1):
+            left, right, y = -1e300, 1e300, row + 0.5
+            for k in range(3):
+                i, j = mesh.faces[f, k], mesh.faces[f, (k + 1) % 3]
+                rise = at[j, 1] - at[i, 1]
+                if rise == 0.0:
+                    continue
+                x = at[i, 0] + (at[j, 0] - at[i, 0]) * ((y - at[i, 1]) / rise)
+                if rise > 0.0:  # counter-clockwise: what goes up bounds on the right
+                    right = min(right, x)
+                else:
+                    left = max(left, x)
+            first, last = int(ceil(max(left, 0.0) - 0.5)), int(floor(min(right, size * 1.0) - 0.5))
+            for column in range(first, last + 1):
+                some = True
+                if picture[np.uintp(row * size + column)] != own:
+                    all_own = False
+                    break
+            if not all_own:
+                break
+        clear[f] = some and all_own
+
+
+@jittable
+def _is_lit(mesh: Mesh, light: _Light, f: int, column: float, row: float) -> bool:
+    """Whether the Sun reaches a place of a face that is turned to it; the place is given on the map from the Sun."""
+    i, j = int(floor(column - 0.5)), int(floor(row - 0.5))
+    if i < 0 or j < 0 or i >= SUN_GRID - 1 or j >= SUN_GRID - 1:
+        return True
+    own, at = np.uint32(f + 1), np.uintp(j * SUN_GRID + i)
+    a, b = light.shades[at], light.shades[at + np.uintp(1)]
+    c, d = light.shades[at + np.uintp(SUN_GRID)], light.shades[at + np.uintp(SUN_GRID + 1)]
+    if (a == own) & (b == own) & (c == own) & (d == own):
+        return True
+    return not (
+        (a != own and _covers(mesh, light, a, f, column, row))
+        or (b != own and b != a and _covers(mesh, light, b, f, column, row))
+        or (c != own and c != a and c != b and _covers(mesh, light, c, f, column, row))
+        or (d != own and d != a and d != b and d != c and _covers(mesh, light, d, f, column, row))
+    )
+
+
+@jittable
+def _covers(mesh: Mesh, light: _Light, number: Any, f: int, column: float, row: float) -> bool:
+    """Whether a face, given as its number plus one, lies exactly above a place of face f, as the Sun sees it."""
+    if number == 0:
+        return False
+    g, at, faces = int(number) - 1, light.from_sun, mesh.faces
+    a, b, c = faces[g, 0], faces[g, 1], faces[g, 2]
+    ua, va = at[a, 0] - column, at[a, 1] - row
+    ub, vb = at[b, 0] - column, at[b, 1] - row
+    uc, vc = at[c, 0] - column, at[c, 1] - row
+    wa, wb, wc = ub * vc - uc * vb, uc * va - ua * vc, ua * vb - ub * va
+    whole = wa + wb + wc
+    if wa < 0.0 or wb < 0.0 or wc < 0.0 or whole <= 0.0:
+        return False
+    above = (wa * at[a, 2] + wb * at[b, 2] + wc * at[c, 2]) / whole
+    # The face's own height there, as its plane goes.
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    ub, vb, hb = at[b, 0] - at[a, 0], at[b, 1] - at[a, 1], at[b, 2] - at[a, 2]
+    uc, vc, hc = at[c, 0] - at[a, 0], at[c, 1] - at[a, 1], at[c, 2] - at[a, 2]
+    area = ub * vc - uc * vb
+    u, v = column - at[a, 0], row - at[a, 1]
+    return above > at[a, 2] + (u * (hb * vc - hc * vb) + v * (hc * ub - hb * uc)) / area + ABOVE
+
+
+@kernel
+def _prepare(mesh: Mesh, view: View, canvas: Canvas, light: _Light, seen: Mask, planes: Array) -> None:
+    """Write what is needed of each face that is seen, for a sample at a column and a row of the grid.
+
+    - 0 to 2: its radiance factor at (0, 0), and how that grows along columns and rows;
+    - 3 to 5: the same of q, the sine of the angle between line of sight and face over the camera's height above the face, so
+      that 1 / q is the distance along the line of sight [m];
+    - 6 to 8: the same of the column on the map from the Sun, times q; 9 to 11: of its row.
+    """
+    s, r, grid, axes = light.axes[2], view.r_A, light.grid, light.axes
+    A_from_pixel = np.linalg.inv(view.pixel_from_A)
+    value, sun = np.empty(3), np.empty(2)
+    for k in range(2):
+        sun[k] = axes[k, 0] * r[0] + axes[k, 1] * r[1] + axes[k, 2] * r[2] - grid[k]
+    for f in range(len(seen)):
+        if not seen[f]:
+            continue
+        mu0, n, first = light.mu0[f], light.normals[f], mesh.vertices[mesh.faces[f, 0]]
+        below = n[0] * (first[0] - r[0]) + n[1] * (first[1] - r[1]) + n[2] * (first[2] - r[2])
+        for k in range(3):
+            ray = A_from_pixel[:, (2, 0, 1)[k]]
+            q = (n[0] * ray[0] + n[1] * ray[1] + n[2] * ray[2]) / below if below != 0.0 else 0.0
+            planes[f, 3 + k] = q
+            for i in range(2):
+                along = axes[i, 0] * ray[0] + axes[i, 1] * ray[1] + axes[i, 2] * ray[2]
+                planes[f, 6 + 3 * i + k] = (sun[i] * q + along) / grid[2]
+        planes[f, 0] = planes[f, 1] = planes[f, 2] = 0.0
+        if mu0 <= 0.0:
+            continue
+        ahead, mean = True, 0.0
+        for c in range(3):
+            p = mesh.vertices[mesh.faces[f, c]]
+            x, y, z = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+            scale = 1.0 / sqrt(x * x + y * y + z * z)
+            mu = scale * (n[0] * x + n[1] * y + n[2] * z)
+            cos_phase = scale * (s[0] * x + s[1] * y + s[2] * z)
+            value[c] = light.albedo[f] * radiance_factor(light.surface, mu0, mu, cos_phase)
+            mean += value[c] / 3.0
+            ahead = ahead and canvas.projected[mesh.faces[f, c], 2] > 0.0
+        planes[f, 0] = mean
+        a, b, d = (
+            canvas.projected[mesh.faces[f, 0]],
+            canvas.projected[mesh.faces[f, 1]],
+            canvas.projected[mesh.faces[f, 2]],
+        )
+        area = (b[0] - a[0]) * (d[1] - a[1]) - (b[1] - a[1]) * (d[0] - a[0])
+        if ahead and area > 0.0:
+            along = ((value[1] - value[0]) * (d[1] - a[1]) - (value[2] - value[0]) * (b[1] - a[1])) / area
+            up = ((value[2] - value[0]) * (b[0] - a[0]) - (value[1] - value[0]) * (d[0] - a[0])) / area
+            planes[f, 0] = value[0] - along * a[0] - up * a[1]
+            planes[f, 1], planes[f, 2] = along, up
+
+
+@allocation_free
+def _shade(
+    mesh: Mesh,
+    canvas: Canvas,
+    light: _Light,
+    planes: Array,
+    clear: Mask,
+    places: Array,
+    tile: tuple[int, int, int, int],
+    along: int,
+    out: Array32,
+) -> None:
+    """Mean radiance factor of each pixel of a tile."""
+    size, bent, share = canvas.row_span.shape[0], places.shape[0] > 0, 1.0 / along**2
+    for y in range(tile[1], tile[3]):
+        for x in range(tile[0], tile[2]):
+            total = 0.0
+            for down in range(along):
+                for across in range(along):
+                    column = (x - tile[0]) * along + across
+                    row = size - 1 - ((y - tile[1]) * along + down)
+                    if bent:
+                        i, j = y - tile[1], x - tile[0]
+                        dx, dy = (across + 0.5) / along - 0.5, (down + 0.5) / along - 0.5
+                        column = int((places[i, j, 0] + places[i, j, 2] * dx + places[i, j, 3] * dy) * along)
+                        row = size - 1 - int((places[i, j, 1] + places[i, j, 4] * dx + places[i, j, 5] * dy) * along)
+                        if column < 0 or row < 0 or column >= size or row >= size:
+                            continue
+                    number = canvas.picture[np.uintp(row * size + column)]
+                    if number == 0:
+                        continue
+                    f = np.uintp(number - 1)
+                    at, high = column + 0.5, row + 0.5
+                    value = planes[f, 0] + planes[f, 1] * at + planes[f, 2] * high
+                    if value <= 0.0:
+                        continue
+                    if clear[f]:
+                        total += value
+                        continue
+                    t = 1.0 / (planes[f, 3] + planes[f, 4] * at + planes[f, 5] * high)
+                    u = t * (planes[f, 6] + planes[f, 7] * at + planes[f, 8] * high)
+                    v = t * (planes[f, 9] + planes[f, 10] * at + planes[f, 11] * high)
+                    if _is_lit(mesh, light, f, u, v):
+                        total += value
+            out[y, x] = total * share
+
+
+@allocation_free
+def _label(
+    mesh: Mesh,
+    canvas: Canvas,
+    light: _Light,
+    planes: Array,
+    places: Array,
+    tile: tuple[int, int, int, int],
+    face: Ints32,
+    depth: Array,
+    lit: Mask,
+) -> None:
+    """Write what is under the centres of a tile's pixels."""
+    size = canvas.row_span.shape[0]
+    for y in range(tile[1], tile[3]):
+        for x in range(tile[0], tile[2]):
+            at, high = x - tile[0] + 0.5, size - (y - tile[1] + 0.5)
+            if places.shape[0] > 0:
+                at, high = places[y - tile[1], x - tile[0], 0], size - places[y - tile[1], x - tile[0], 1]
+            column, row = int(at), int(high)
+            if column < 0 or row < 0 or column >= size or row >= size:
+                continue
+            number = canvas.picture[np.uintp(row * size + column)]
+            if number == 0:
+                continue
+            f = np.uintp(number - 1)
+            t = 1.0 / (planes[f, 3] + planes[f, 4] * at + planes[f, 5] * high)
+            u = t * (planes[f, 6] + planes[f, 7] * at + planes[f, 8] * high)
+            v = t * (planes[f, 9] + planes[f, 10] * at + planes[f, 11] * high)
+            face[y, x], depth[y, x] = np.int32(f), t
+            lit[y, x] = light.mu0[f] > 0.0 and _is_lit(mesh, light, f, u, v)
