@@ -93,7 +93,7 @@ class DetectorModel:
     def spread(self, factor: Array32) -> Array32:
         """Radiance factors as the lens spreads them, same shape."""
         sigma = self.detector.psf_sigma_px
-        return gaussian_filter(factor, sigma, mode="constant", truncate=5.0) if sigma > 0.0 else factor
+        return gaussian_filter(factor, sigma, mode="nearest", truncate=5.0) if sigma > 0.0 else factor
 
     def rate(self, sun_distance_m: float) -> float:
         """Electrons per second of a radiance factor of 1."""

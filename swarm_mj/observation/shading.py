@@ -117,21 +117,22 @@ class ShadedBody:
         self._normals = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)
         self._extent = float(np.ptp(self._mesh.vertices, axis=0).max())
 
-    def draw(self, lens: Lens, pose: CameraPose, sun_A: Array, *, samples: int | None = None) -> Array32:
+    def draw(self, lens: Lens, pose: CameraPose, sun_A: Array, *, samples: int | None = None, fewest: int = FEWEST) -> Array32:
         """Radiance factors of a picture, row 0 on top, shape (height, width).
 
         Args:
             lens: The detector behind its lens.
             pose: Of the camera, in A.
             sun_A: Direction to the Sun in A, of any length, shape (3,).
-            samples: Along each pixel; None: as many as fit, at least `FEWEST` and at most `MOST`.
+            samples: Along each pixel; None: as many as fit, at least `fewest` and at most `MOST`.
+            fewest: See `samples`.
         """
         out = np.zeros((lens.height, lens.width), np.float32)
         low, high = self._box(lens, pose)
         size = high - low
         if not (size > 0).all():
             return out
-        along = samples or min(max(GRID // (int(size.max()) + 2), FEWEST), MOST)
+        along = samples or min(max(GRID // (int(size.max()) + 2), fewest), MOST)
         # A bent tile may be wider than a straight one.
         step = max(1, int((GRID // along) * (0.9 if lens.is_distorted else 1.0)) - (2 if lens.is_distorted else 0))
         light = self._light(sun_A)
@@ -141,8 +142,8 @@ class ShadedBody:
                 self._draw_tile(lens, pose, light, tile, along, out)
         return out
 
-    def labels(self, lens: Lens, pose: CameraPose, sun_A: Array) -> Labels:
-        """What is under the centre of each pixel; args as of `draw`."""
+    def depths(self, lens: Lens, pose: CameraPose, sun_A: Array) -> tuple[Ints32, Array, Mask]:
+        """Face, depth and light under the centre of each pixel, see `Labels`; args as of `draw`."""
         height, width = lens.height, lens.width
         face, depth = np.full((height, width), -1, np.int32), np.zeros((height, width))
         lit, light = np.zeros((height, width), np.bool_), self._light(sun_A)
@@ -155,7 +156,11 @@ class ShadedBody:
                 if view is not None:
                     _prepare(self._mesh, view, self._canvas, light, self._seen, self._planes)
                     _label(self._mesh, self._canvas, light, self._planes, places, tile, face, depth, lit)
-        return self._labelled(lens, pose, np.asarray(sun_A, np.float64), face, depth, lit)
+        return face, depth, lit
+
+    def labels(self, lens: Lens, pose: CameraPose, sun_A: Array) -> Labels:
+        """What is under the centre of each pixel; args as of `draw`."""
+        return self._labelled(lens, pose, np.asarray(sun_A, np.float64), *self.depths(lens, pose, sun_A))
 
     def _labelled(self, lens: Lens, pose: CameraPose, sun_A: Array, face: Ints32, depth: Array, lit: Mask) -> Labels:
         hit = face >= 0

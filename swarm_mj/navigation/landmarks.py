@@ -1,0 +1,223 @@
+"""Landmarks: places of the body's surface found again in a picture, by correlation with a predicted one.
+
+A landmark is a place whose surroundings vary in both directions on the predicted picture (Shi and Tomasi 1994). Its patch is
+looked for by normalised cross-correlation, then moved by fractions of a pixel until brightness, but for a gain and an offset,
+fits by least squares (Lucas and Kanade 1981). Where a landmark lies on the body the prediction's mesh tells.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from swarm_mj.errors import NavigationError
+from swarm_mj.navigation.centroid import turning
+from swarm_mj.navigation.picture import Fix, Predictor, Rejected, SeenPicture, without_hot_pixels
+from swarm_mj.typing import Array, Mask
+
+#: Half the side of a patch [px], and the least distance between two landmarks.
+HALF, APART = 10, 14
+#: Landmarks at most, and the fewest with which a position is believed.
+MOST, LEAST = 40, 6
+#: Correlation below which a landmark is not believed.
+LEAST_CORRELATION = 0.7
+#: Error of a landmark besides what its own patch tells, 1 sigma [px].
+FLOOR = 0.02
+#: Residuals of a patch are alike over so many pixels along each side, so that they tell less than they are many; of terrain that
+#: the model lacks.
+ALIKE_PX = 3.0
+OUTLIER = 4.0
+ROUNDS = 3
+
+
+class Found(NamedTuple):
+    """Landmarks found again.
+
+    Attributes:
+        place: Where they are on the predicted picture [px], shape (n, 2).
+        shift: How far off they are on the other one [px], shape (n, 2).
+        covariance: Of the shifts [px^2], shape (n, 2, 2).
+        points_C: Where they lie relative to the camera, by the prediction [m], shape (n, 3).
+    """
+
+    place: Array
+    shift: Array
+    covariance: Array
+    points_C: Array
+
+
+def measure_landmarks(
+    seen: SeenPicture, predictor: Predictor, *, search_px: float = 12.0, floor_px: float = FLOOR
+) -> Fix | Rejected:
+    """Measure the position by landmarks.
+
+    Args:
+        seen: The picture.
+        predictor: Predicts it.
+        search_px: How far from where they are believed landmarks are looked for at first [px].
+        floor_px: Error of a landmark besides noise and residuals, 1 sigma [px].
+    """
+    signal = without_hot_pixels(seen)
+    start, believed, search = seen.pose.r_A, seen, search_px
+    dr, P, count = np.zeros(3), np.eye(3), 0
+    for k in range(ROUNDS):
+        found = find_landmarks(believed, predictor, signal, search)
+        if isinstance(found, Rejected):
+            return found
+        solved = _position(believed, found, floor_px)
+        if isinstance(solved, Rejected):
+            return solved
+        dr, P, count = solved
+        believed = believed.at(believed.pose.r_A + dr)
+        moved_px = np.linalg.norm(dr) * seen.lens.focal_px / max(float(np.linalg.norm(believed.pose.r_A)), 1e-9)
+        if k > 0 and moved_px < 0.02:
+            break
+        search = min(search, 4.0)
+    # A turn of the camera moves all landmarks as one; what position would do the same follows from the fit.
+    turn = _turn_as_position(believed, found, P, floor_px)
+    return Fix("landmarks", believed.pose.r_A - start, np.eye(3), P, turn, count)
+
+
+def find_landmarks(seen: SeenPicture, predictor: Predictor, signal: Array, search_px: float) -> Found | Rejected:
+    """Choose landmarks on the predicted picture and look for them on the other."""
+    predicted = predictor.predict(seen, depths=True)
+    assert predicted.face is not None
+    places = _choose(predicted.signal, predicted.face >= 0)
+    if len(places) < LEAST:
+        return Rejected("landmarks", f"{len(places)} places with enough relief, fewer than {LEAST}")
+    match = _template_matcher()
+    radius = int(np.ceil(search_px))
+    kept, shifts, covariances = [], [], []
+    for column, row in places:
+        patch = predicted.signal[row - HALF : row + HALF + 1, column - HALF : column + HALF + 1]
+        top, left = row - HALF - radius, column - HALF - radius
+        low = max(top, 0), max(left, 0)
+        area = signal[low[0] : row + HALF + radius + 1, low[1] : column + HALF + radius + 1]
+        if min(area.shape) < 2 * HALF + 3:
+            continue
+        score = match(area, patch)
+        best = np.unravel_index(int(np.argmax(score)), score.shape)
+        if not score[best] >= LEAST_CORRELATION or 0 in best or best[0] == score.shape[0] - 1 or best[1] == score.shape[1] - 1:
+            continue
+        rough = np.array([low[1] + best[1] + HALF - column, low[0] + best[0] + HALF - row], np.float64)
+        refined = _refine(predicted.signal, signal, seen.variance, column, row, rough)
+        if refined is not None:
+            kept.append((column, row))
+            shifts.append(refined[0])
+            covariances.append(refined[1])
+    if len(kept) < LEAST:
+        return Rejected("landmarks", f"{len(kept)} landmarks found again, fewer than {LEAST}")
+    place = np.array(kept, np.float64) + 0.5
+    image = seen.lens.to_image(place)
+    points = np.column_stack((image, np.ones(len(image)))) * predicted.depth_at(place)[0][:, None]
+    return Found(place, np.array(shifts), np.array(covariances), points)
+
+
+def _choose(predicted: Array, solid: Mask) -> Array:
+    """Pixels (column, row) with the most relief, none near another, the picture's edge or the sky; shape (n, 2)."""
+    gy, gx = np.gradient(predicted)
+    size = 2 * HALF + 3
+    xx, yy, xy = (ndimage.uniform_filter(each, size) for each in (gx * gx, gy * gy, gx * gy))
+    least = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+    inner = ndimage.minimum_filter(solid.astype(np.int8), size, mode="constant").astype(np.bool_)
+    least = np.where(inner, least, 0.0)
+    # What noise alone would show, of this many pixels.
+    floor = 1e-3 * float(least.max(initial=0.0))
+    chosen: list[tuple[int, int]] = []
+    flat = np.argsort(least, axis=None)[::-1]
+    taken = np.zeros(least.shape, np.bool_)
+    for index in flat[: 200 * MOST * APART]:
+        row, column = divmod(int(index), least.shape[1])
+        if least[row, column] <= floor or len(chosen) == MOST:
+            break
+        if taken[row, column]:
+            continue
+        chosen.append((column, row))
+        taken[max(row - APART, 0) : row + APART + 1, max(column - APART, 0) : column + APART + 1] = True
+    return np.array(chosen, np.int64).reshape(-1, 2)
+
+
+def _refine(
+    predicted: Array, signal: Array, variance: Array, column: int, row: int, shift: Array
+) -> tuple[Array, Array] | None:
+    """Shift by fractions of a pixel [px], and its covariance [px^2], of a patch about a pixel; None: it does not converge."""
+    rows, columns = np.mgrid[row - HALF : row + HALF + 1, column - HALF : column + HALF + 1].astype(np.float64)
+    patch = predicted[row - HALF : row + HALF + 1, column - HALF : column + HALF + 1]
+    gy, gx = np.gradient(predicted[row - HALF - 1 : row + HALF + 2, column - HALF - 1 : column + HALF + 2])
+    basis = np.stack((-gx[1:-1, 1:-1].ravel(), -gy[1:-1, 1:-1].ravel(), patch.ravel(), np.ones(patch.size)), axis=1)
+    normal = basis.T @ basis
+    if np.linalg.cond(normal / np.outer(*(2 * (np.sqrt(np.diag(normal)) + 1e-300,)))) > 1e10:
+        return None
+    inverse = np.linalg.inv(normal)
+    at = shift.copy()
+    left, gain = np.zeros(patch.size), 1.0
+    for _ in range(8):
+        moved = ndimage.map_coordinates(signal, (rows + at[1], columns + at[0]), order=1, mode="nearest").ravel()
+        fit = inverse @ (basis.T @ moved)
+        gain = fit[2]
+        if not gain > 0.0:
+            return None
+        step = fit[:2] / gain
+        left = moved - basis @ fit
+        at += np.clip(step, -1.0, 1.0)
+        if np.abs(step).max() < 1e-3:
+            break
+    else:
+        return None
+    if np.abs(at - shift).max() > 2.0:
+        return None
+    noise = variance[
+        np.clip((rows + at[1]).astype(np.int64), 0, signal.shape[0] - 1),
+        np.clip((columns + at[0]).astype(np.int64), 0, signal.shape[1] - 1),
+    ].ravel()
+    scatter = (basis * noise[:, None]).T @ basis
+    by_noise = (inverse @ scatter @ inverse)[:2, :2] / gain**2
+    # What is left beyond the noise is terrain, alike from pixel to pixel.
+    beyond = max(float(left @ left) / len(left) - float(noise.mean()) * 4.0 / 9.0, 0.0)
+    by_terrain = ALIKE_PX**2 * beyond * inverse[:2, :2] / gain**2
+    return at, by_noise + by_terrain
+
+
+def _position(seen: SeenPicture, found: Found, floor_px: float) -> tuple[Array, Array, int] | Rejected:
+    """Position by the shifts: correction [m] in A, its covariance, and how many landmarks agree."""
+    slopes = -seen.lens.pixel_jacobian(found.points_C) @ seen.pose.C_CA
+    chosen = np.arange(len(found.shift))
+    for _ in range(5):
+        if len(chosen) < LEAST:
+            return Rejected("landmarks", f"{len(chosen)} landmarks agree, fewer than {LEAST}")
+        weight = np.linalg.inv(found.covariance[chosen] + floor_px**2 * np.eye(2))
+        A = slopes[chosen]
+        info = np.einsum("nki,nkl,nlj->ij", A, weight, A)
+        if np.linalg.cond(info) > 1e12:
+            return Rejected("landmarks", "the landmarks do not determine a position")
+        P = np.linalg.inv(info)
+        dr = P @ np.einsum("nki,nkl,nl->i", A, weight, found.shift[chosen])
+        left = found.shift[chosen] - A @ dr
+        size = np.sqrt(np.einsum("nk,nkl,nl->n", left, weight, left) / 2.0)
+        scale = max(float(np.median(size)) / 0.8326, 1.0)  # of two components, the median is sqrt(ln 2)
+        kept = size < OUTLIER * scale
+        if kept.all():
+            # Landmarks that scatter more than they say are believed less.
+            more = max(float((size**2).sum()) * 2.0 / (2 * len(chosen) - 3), 1.0)
+            return dr, more * 0.5 * (P + P.T), len(chosen)
+        chosen = chosen[kept]
+    return Rejected("landmarks", "no landmarks agree")
+
+
+def _turn_as_position(seen: SeenPicture, found: Found, P: Array, floor_px: float) -> Array:
+    weight = np.linalg.inv(found.covariance + floor_px**2 * np.eye(2))
+    J = seen.lens.pixel_jacobian(found.points_C)
+    slopes = -J @ seen.pose.C_CA
+    turns = np.array([turning(each, point) for each, point in zip(J, found.points_C, strict=True)])
+    info = np.einsum("nki,nkl,nlj->ij", slopes, weight, slopes)
+    return np.asarray(np.linalg.solve(info, np.einsum("nki,nkl,nlj->ij", slopes, weight, turns)))
+
+
+def _template_matcher():  # type: ignore[no-untyped-def]
+    try:
+        from skimage.feature import match_template
+    except ImportError:
+        raise NavigationError("landmarks need scikit-image, which is not installed: pip install scikit-image") from None
+    return match_template

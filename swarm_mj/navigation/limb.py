@@ -1,0 +1,448 @@
+"""The lit limb: direction and distance by where the body ends against the sky.
+
+Of any shape, pixels of a band about the lit limb of a predicted picture are fitted by least squares: the picture is the
+predicted one, times a gain, moved with the position by its own slopes. That begins with both pictures blurred, so that the limb
+may be some pixels off, and ends with them as they are; whatever shape, shading, faces and pixels do to an edge cancels.
+
+Of ellipsoids it follows without a prediction (Christian and Robinson 2016, JGCD 39, 2757, "Noniterative horizon-based optical
+navigation by Cholesky factorization") by points of the limb alone: with A the matrix of the ellipsoid in C and U^T U = A, lines of sight s to the limb
+touch a unit sphere after the change of scale, U s / |U s| = s', and s'^T n = 1 gives n, and the position r = -U^-1 n /
+sqrt(n^T n - 1) of the camera relative to the centre. Points of the limb are where rays from the centre of brightness leave the
+light: an edge (a + b t + c x) inside, nothing outside, spread by a Gaussian, t and x along and across its normal. Brightness
+that falls towards the limb puts an edge somewhat inside; by how much, the same edges tell on a predicted picture.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+from scipy.special import erf
+
+from swarm_mj.navigation.picture import (
+    Fix,
+    Prediction,
+    Predictor,
+    Region,
+    Rejected,
+    SeenPicture,
+    box_of,
+    find_region,
+    without_hot_pixels,
+)
+from swarm_mj.typing import Array, Ints, Mask
+
+#: Rays that are tried, at most one for each `SPACING` pixels of the limb.
+RAYS, SPACING = 96, 1.5
+#: How far from the side of the Sun rays go: beyond, limb and terminator meet.
+ARC = np.radians(75.0)
+#: Phase angle below which the whole limb is lit.
+FULL = np.radians(3.0)
+#: Fewest edges with which a position is believed.
+LEAST_EDGES = 12
+#: Pixels of a profile on both sides of an edge.
+REACH = 5
+#: Half the width of the pixels that are fitted along an edge [px].
+HALF_WIDTH = 1.8
+#: Least cosine between an edge's normal and its ray.
+LEAST_COSINE = 0.3
+#: Error of an edge besides noise, 1 sigma [px]: a Gaussian in place of pixels, light that does not vary as a plane.
+EDGE_FLOOR = 0.01
+#: An edge is left out if it lies so many deviations, estimated robustly, from the others.
+OUTLIER = 4.0
+#: Rounds of an edge's fit.
+EDGE_ROUNDS = 6
+#: Rounds of prediction for the horizon of an ellipsoid.
+HORIZON_ROUNDS = 3
+#: By how much pictures are blurred before they are matched [px], and how many rounds each.
+BLURS = ((6.0, 4), (2.0, 4), (0.0, 8))
+#: Half the width of the band of pixels that are fitted [px].
+BAND = 4
+#: Errors of a model's limb are alike over so many pixels.
+ALIKE_PX = 10.0
+#: Root mean square of the residuals over the noise beyond which the picture is not believed to be one of the model.
+MISFIT = 30.0
+
+
+class Edges(NamedTuple):
+    """Edges along rays.
+
+    Attributes:
+        place: On the detector [px], shape (n, 2).
+        normal: Of the edge, outward, shape (n, 2).
+        valid: Which were found, shape (n,).
+        sigma: Error of each along its normal by noise [px], shape (n,).
+    """
+
+    place: Array
+    normal: Array
+    valid: Mask
+    sigma: Array
+
+
+def find_edges(signal: Array, variance: Array, centre: Array, directions: Array, psf_px: float, level: float) -> Edges:
+    """Find where a picture ends along rays.
+
+    Args:
+        signal: [electrons], shape (height, width).
+        variance: Of the pixels [electrons^2], same shape.
+        centre: Where rays begin [px], shape (2,).
+        directions: Unit vectors, shape (n, 2).
+        psf_px: Standard deviation of the point spread [px].
+        level: Signal that is surely light [electrons].
+    """
+    height, width = signal.shape
+    t = np.arange(int(np.hypot(height, width)), dtype=np.float64)
+    points = centre + t[None, :, None] * directions[:, None]
+    rim = REACH + 2.0
+    inside = (points > rim).all(axis=2) & (points[..., 0] < width - rim) & (points[..., 1] < height - rim)
+    at = points[..., 1] - 0.5, points[..., 0] - 0.5
+    lit = (ndimage.map_coordinates(signal, at, order=1, mode="constant") > level) & inside
+    # The outermost place with light whose way outward stays on the picture for a while.
+    last = len(t) - 1 - np.argmax(lit[:, ::-1], axis=1)
+    valid = lit.any(axis=1) & (last + 2 < inside.sum(axis=1)) & (last > REACH)
+    place = centre + (np.where(valid, last, 0.0) + 0.5)[:, None] * directions
+    place[~valid] = 0.5 * np.array([width, height])
+    normal, curvature = directions.copy(), 1.0 / np.maximum(last, REACH)
+    # Pixels are samples of the picture spread by the lens and by themselves.
+    spread = float(np.sqrt(psf_px**2 + 1.0 / 12.0))
+    grid = np.stack(np.meshgrid(np.arange(-REACH - 1, REACH + 2), np.arange(-REACH - 1, REACH + 2)), -1).reshape(-1, 2)
+    start, sigma = place.copy(), np.full(len(place), np.inf)
+    for k in range(EDGE_ROUNDS):
+        pixel = np.clip(np.floor(place).astype(np.int64)[:, None] + grid, 0, (width - 1, height - 1))
+        away = pixel + 0.5 - place[:, None]
+        values = signal[pixel[..., 1], pixel[..., 0]]
+        if k < 2:
+            normal = _gradient_direction(values, away, normal)
+        across = away[..., 0] * -normal[:, None, 1] + away[..., 1] * normal[:, None, 0]
+        along = np.einsum("npk,nk->np", away, normal) + 0.5 * curvature[:, None] * across**2
+        near = (np.abs(along) < REACH) & (np.abs(across) < HALF_WIDTH)
+        step, weight, fits = _fit_step(along, across, values, near, spread)
+        valid &= fits
+        place = place + np.where(valid, np.clip(step, -1.0, 1.0), 0.0)[:, None] * normal
+        sigma = np.sqrt(np.einsum("np,np->n", weight**2, variance[pixel[..., 1], pixel[..., 0]]))
+    valid &= (np.linalg.norm(place - start, axis=1) < REACH) & np.isfinite(sigma) & (np.abs(step) < 0.1)
+    valid &= np.einsum("nk,nk->n", normal, directions) > LEAST_COSINE
+    return Edges(place, normal, valid, sigma)
+
+
+def _gradient_direction(values: Array, away: Array, before: Array) -> Array:
+    """Directions in which the picture falls about places, shape (n, 2); `before` where it does not."""
+    weight = np.exp(-0.5 * (away**2).sum(axis=2) / 1.5**2)
+    moment = np.einsum("np,npk->nk", weight * (values - np.average(values, axis=1, weights=weight)[:, None]), away)
+    length = np.linalg.norm(moment, axis=1, keepdims=True)
+    return np.divide(-moment, length, out=before.copy(), where=length > 0.0)
+
+
+def _fit_step(t: Array, across: Array, values: Array, near: Mask, spread: float) -> tuple[Array, Array, Mask]:
+    """One round of least squares for a step (a + b t + c x) Q((t - t0) / spread) each, Q falling from 1 to 0, about t0 = 0.
+
+    Returns:
+        New t0 [px], shape (n,); how it moves with the values, shape (n, m); and whether it may be believed, shape (n,).
+    """
+    u = t / spread
+    fall = 0.5 * (1.0 - erf(u / np.sqrt(2.0))) * near
+    slope = np.exp(-0.5 * u * u) / (spread * np.sqrt(2.0 * np.pi)) * near
+    basis = np.stack((fall, t * fall, across * fall), axis=2)
+    normal = basis.swapaxes(1, 2) @ basis + 1e-9 * np.eye(3)
+    abc = np.linalg.solve(normal, basis.swapaxes(1, 2) @ (values * near)[..., None])[..., 0]
+    rate = (abc[:, :1] + abc[:, 1:2] * t + abc[:, 2:] * across) * slope
+    weight = np.linalg.pinv(np.concatenate((rate[..., None], basis), axis=2))[:, 0]
+    step = np.einsum("nm,nm->n", weight, values * near)
+    return step, weight, (abc[:, 0] > 0.0) & np.isfinite(step)
+
+
+def ray_directions(seen: SeenPicture, extent_px: float) -> Array:
+    """Unit vectors on the detector to the lit side, shape (n, 2); all around where the Sun stands behind the camera."""
+    sun_C = seen.pose.C_CA @ seen.sun_A / np.linalg.norm(seen.sun_A)
+    towards = sun_C[:2]
+    phase = np.arccos(np.clip(-sun_C[2], -1.0, 1.0))
+    if phase < FULL:
+        middle, arc = 0.0, np.pi
+    else:
+        middle, arc = float(np.arctan2(towards[1], towards[0])), ARC
+    count = int(np.clip(arc * extent_px / SPACING, 8, RAYS))
+    angles = middle + arc * (2.0 * (np.arange(count) + 0.5) / count - 1.0)
+    return np.column_stack((np.cos(angles), np.sin(angles)))
+
+
+def _light_level(signal: Array, region: Region, background: float) -> float:
+    """Signal that is surely of the body: above the noise, and a fifth of what its lit part shows."""
+    return float(max(6.0 * np.sqrt(background), 0.2 * np.quantile(signal[region.mask], 0.75)))
+
+
+def measure_limb(seen: SeenPicture, predictor: Predictor, *, model_px: float = 0.0) -> Fix | Rejected:
+    """Measure the position by matching the limb with that of a predicted picture.
+
+    Args:
+        seen: The picture.
+        predictor: Predicts it.
+        model_px: Error of the model's limb, 1 sigma of each of its places about `ALIKE_PX` apart [px]; 0: the model is the body.
+    """
+    signal = without_hot_pixels(seen)
+    region = find_region(signal, seen.background, seen.psf_px)
+    if region is None:
+        return Rejected("limb", "no light above the noise")
+    start, believed = seen.pose.r_A, seen
+    if not region.cut:
+        for _ in range(2):
+            expected = find_region(predictor.predict(believed).signal, seen.background, seen.psf_px)
+            if expected is None:
+                return Rejected("limb", "the predicted picture is dark")
+            if expected.cut:
+                break
+            J = seen.lens.pixel_jacobian(believed.pose.to_camera(np.zeros(3)))
+            aside = np.linalg.lstsq(J, region.centre - expected.centre, rcond=None)[0]
+            believed = believed.at(believed.pose.r_A - seen.pose.C_CA.T @ aside)
+    solved: _Fitted | Rejected = Rejected("limb", "no fit")
+    for blur, rounds in BLURS:
+        if blur > 0.1 * predictor.diameter_px(seen):
+            continue
+        blurred = ndimage.gaussian_filter(signal, blur) if blur > 0.0 else signal
+        for _ in range(rounds):
+            solved = _match_pixels(believed, predictor, blurred, model_px, blur)
+            if isinstance(solved, Rejected):
+                return solved
+            believed = believed.at(believed.pose.r_A + solved.dr)
+            if np.linalg.norm(believed.pose.r_A) < 0.5 * predictor.radius:
+                return Rejected("limb", "led into the body")
+            small = 0.1 * blur * float(np.linalg.norm(believed.pose.r_A)) / seen.lens.focal_px
+            if np.linalg.norm(solved.dr) < small or solved.dr @ np.linalg.solve(solved.P, solved.dr) < 0.01:
+                break
+    assert not isinstance(solved, Rejected)
+    if solved.dr @ np.linalg.solve(solved.P, solved.dr) > 1.0:
+        return Rejected("limb", "the fit does not settle")
+    if solved.misfit > MISFIT:
+        return Rejected("limb", "the limb does not look like the model's")
+    turn = -seen.pose.C_CA.T @ _cross(believed.pose.to_camera(np.zeros(3)))
+    return Fix("limb", believed.pose.r_A - start, np.eye(3), solved.P, turn, solved.count)
+
+
+def _cross(v: Array) -> Array:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+class _Fitted(NamedTuple):
+    """Correction of the position [m], its covariance, pixels used, and residuals over what they should be."""
+
+    dr: Array
+    P: Array
+    count: int
+    misfit: float
+
+
+def _match_pixels(seen: SeenPicture, predictor: Predictor, signal: Array, model_px: float, blur: float) -> _Fitted | Rejected:
+    """Fit the pixels about the lit limb, of pictures that are blurred by so many pixels."""
+    predicted = predictor.predict(seen, depths=True)
+    if blur > 0.0:
+        predicted = predicted._replace(signal=ndimage.gaussian_filter(predicted.signal, blur))
+    band = _band(seen, predicted, BAND + int(2.0 * blur))
+    if int(band.sum()) < 3 * LEAST_EDGES:
+        return Rejected("limb", "too little of the lit limb is in the picture")
+    light = predicted.signal[band]
+    basis, slope = _slopes(seen, predicted, band)
+    basis = np.column_stack((light, basis))
+    variance = np.maximum(light, 0.0) + seen.background + (seen.edge_px * slope) ** 2
+    chosen = ~seen.saturated[band]
+    residual, fit = np.zeros(len(light)), np.zeros(4)
+    for _ in range(3):
+        B, w = basis[chosen], 1.0 / variance[chosen]
+        info = (B * w[:, None]).T @ B
+        scale = np.sqrt(np.diag(info))
+        if not (scale > 0.0).all() or np.linalg.cond(info / np.outer(scale, scale)) > 1e10:
+            return Rejected("limb", "the limb does not determine a position")
+        fit = np.linalg.solve(info, (B * w[:, None]).T @ signal[band][chosen])
+        residual = signal[band] - basis @ fit
+        left = residual / np.sqrt(variance)
+        kept = ~seen.saturated[band] & (np.abs(left) < 6.0 * max(1.4826 * float(np.median(np.abs(left[chosen]))), 1.0))
+        if (kept == chosen).all():
+            break
+        chosen = kept
+    P4 = np.linalg.inv(info)
+    if model_px > 0.0:
+        # Places of the limb err alone; the pixels of one, across the band, as one.
+        error = ((B * w[:, None]) @ P4) * (model_px * slope[chosen])[:, None] * np.sqrt(2.0 * ALIKE_PX)
+        P4 = P4 + error.T @ error
+    gain = float(fit[0])
+    if not gain > 0.2:
+        return Rejected("limb", "the picture is not as bright as the model's")
+    C = seen.pose.C_CA
+    misfit = float(np.sqrt(np.mean(residual[chosen] ** 2 / variance[chosen])))
+    P = C.T @ P4[1:, 1:] @ C / gain**2
+    return _Fitted(C.T @ fit[1:] / gain, 0.5 * (P + P.T), int(chosen.sum()), misfit)
+
+
+def _slopes(seen: SeenPicture, predicted: Prediction, band: Mask) -> tuple[Array, Array]:
+    """How the pixels of a band change with the position in C [electrons/m], shape (n, 3), and along the picture [1/px], (n,)."""
+    assert predicted.depth is not None
+    box = box_of(band, 4)
+    assert box is not None  # pixels were found
+    signal = predicted.signal[box]
+    down, across = (
+        0.5 * (np.roll(spline, -1, axis) - np.roll(spline, 1, axis))
+        for axis in (0, 1)
+        for spline in [ndimage.spline_filter1d(signal, 3, axis, mode="nearest")]
+    )
+    inner = band[box]
+    rows, columns = np.nonzero(inner)
+    gradient = np.column_stack((across[inner], down[inner]))
+    # Beside the body pixels move as the nearest of it.
+    sky = predicted.depth[box] <= 0.0
+    nearest = ndimage.distance_transform_edt(sky, return_distances=False, return_indices=True)
+    depth = predicted.depth[box][tuple(nearest)][inner]
+    image = seen.lens.to_image(np.column_stack((columns + box[1].start + 0.5, rows + box[0].start + 0.5)))
+    points_C = np.column_stack((image, np.ones(len(image)))) * depth[:, None]
+    moved = np.einsum("nk,nkl->nl", gradient, seen.lens.pixel_jacobian(points_C))
+    return moved, np.linalg.norm(gradient, axis=1)
+
+
+def _band(seen: SeenPicture, predicted: Prediction, width: int) -> Mask:
+    """Pixels up to some width inside and outside the lit limb, shape (height, width)."""
+    assert predicted.face is not None
+    solid = predicted.face >= 0
+    band = np.zeros(solid.shape, np.bool_)
+    if (box := box_of(solid, width + 2)) is None:
+        return band
+    padded = np.pad(solid[box], 1, mode="edge")
+    inside = ndimage.distance_transform_edt(padded)[1:-1, 1:-1]
+    outside = ndimage.distance_transform_edt(~padded)[1:-1, 1:-1] if not padded.all() else np.full(inside.shape, np.inf)
+    rim = np.where(solid[box], inside, outside) <= width
+    # Lit: light within the band's width.
+    near = ndimage.maximum_filter(predicted.signal[box], 2 * width + 1)
+    bright = 0.1 * float(np.quantile(predicted.signal[solid], 0.9))
+    band[box] = rim & (near > max(bright, 3.0 * np.sqrt(seen.background))) & np.isfinite(np.where(solid[box], inside, outside))
+    return band
+
+
+class Horizon(NamedTuple):
+    """What the horizon of an ellipsoid tells: position of the camera in C relative to its centre [m], and its covariance."""
+
+    r_C: Array
+    P: Array
+
+
+def horizon_position(sights_C: Array, ellipsoid_C: Array, sigma_rad: Array | float) -> Horizon:
+    """Position by lines of sight to the limb of an ellipsoid; Christian and Robinson 2016.
+
+    Args:
+        sights_C: To points of the limb, of any length, shape (n, 3); in C.
+        ellipsoid_C: Its matrix in C: x^T A x = 1 on the surface, shape (3, 3) [1/m^2].
+        sigma_rad: Error of each line of sight across the limb, 1 sigma [rad], a number or shape (n,).
+
+    Raises:
+        ValueError: The lines of sight belong to no position outside the ellipsoid.
+    """
+    U = np.linalg.cholesky(ellipsoid_C).T
+    s = sights_C / np.linalg.norm(sights_C, axis=1, keepdims=True)
+    scaled = s @ U.T
+    length = np.linalg.norm(scaled, axis=1, keepdims=True)
+    Hs = scaled / length
+    # Each row's residual is 1 - s'^T n; its error follows from that of s across itself.
+    n = np.linalg.lstsq(Hs, np.ones(len(Hs)), rcond=None)[0]
+    for _ in range(2):
+        J = -(n @ (np.eye(3) - Hs[:, :, None] * Hs[:, None]) / length) @ U
+        across = J - np.einsum("nk,nk->n", J, s)[:, None] * s
+        sigma = np.linalg.norm(across, axis=1) * sigma_rad
+        weight = 1.0 / np.maximum(sigma, 1e-300) ** 2
+        P_n = np.linalg.inv((Hs * weight[:, None]).T @ Hs)
+        n = P_n @ (Hs * weight[:, None]).T @ np.ones(len(Hs))
+    outside = float(n @ n) - 1.0
+    if not outside > 0.0:
+        raise ValueError("the lines of sight belong to no position outside the ellipsoid")
+    root = outside**-0.5
+    U_inverse = np.linalg.inv(U)
+    F = -root * U_inverse @ (np.eye(3) - np.outer(n, n) / outside)
+    return Horizon(-root * U_inverse @ n, F @ P_n @ F.T)
+
+
+def measure_horizon(
+    seen: SeenPicture, predictor: Predictor, semi_axes: Array, *, edge_px: float = EDGE_FLOOR
+) -> Fix | Rejected:
+    """Measure the position by the horizon of an ellipsoid.
+
+    Args:
+        seen: The picture.
+        predictor: Predicts it.
+        semi_axes: Of the ellipsoid along the axes of A [m], shape (3,).
+        edge_px: Error of an edge besides noise, 1 sigma [px].
+    """
+    signal = without_hot_pixels(seen)
+    region = find_region(signal, seen.background, seen.psf_px)
+    if region is None:
+        return Rejected("horizon", "no light above the noise")
+    C_CA, believed, fit = seen.pose.C_CA, seen, Rejected("horizon", "no fit")
+    ellipsoid_C = C_CA @ np.diag(1.0 / np.asarray(semi_axes, np.float64) ** 2) @ C_CA.T
+    level = _light_level(signal, region, seen.background)
+    for _ in range(HORIZON_ROUNDS):
+        extent = float(max(semi_axes)) * seen.lens.focal_px / float(np.linalg.norm(believed.pose.r_A))
+        directions = ray_directions(believed, extent)
+        found = find_edges(signal, seen.variance, region.centre, directions, seen.psf_px, level)
+        bias, known = _edge_bias(believed, predictor, directions, ellipsoid_C)
+        places = found.place - bias[:, None] * found.normal
+        fit = _fit_horizon(seen, places[found.valid & known], found.sigma[found.valid & known], ellipsoid_C, edge_px)
+        if isinstance(fit, Rejected):
+            return fit
+        moved = C_CA.T @ fit[0].r_C - believed.pose.r_A
+        believed = believed.at(believed.pose.r_A + moved)
+        if np.linalg.norm(moved) * seen.lens.focal_px < 0.1 * np.linalg.norm(believed.pose.r_A):
+            break
+    horizon, count = fit
+    turn = C_CA.T @ _cross(horizon.r_C)
+    return Fix("horizon", believed.pose.r_A - seen.pose.r_A, np.eye(3), C_CA.T @ horizon.P @ C_CA, turn, count)
+
+
+def _fit_horizon(
+    seen: SeenPicture, places: Array, noise_px: Array, ellipsoid_C: Array, edge_px: float
+) -> tuple[Horizon, int] | Rejected:
+    """Position by points of the limb on the detector, without those that do not agree; and how many do."""
+    chosen: Ints = np.arange(len(places))
+    noise = np.hypot(noise_px, edge_px)
+    image = seen.lens.to_image(places)
+    sights = np.column_stack((image, np.ones(len(image))))
+    # A pixel off the line of sight is a smaller angle.
+    sigma = noise / seen.lens.focal_px / np.linalg.norm(sights, axis=1) ** 2
+    for _ in range(5):
+        if len(chosen) < LEAST_EDGES:
+            return Rejected("horizon", f"{len(chosen)} edges of the limb agree, fewer than {LEAST_EDGES}")
+        try:
+            horizon = horizon_position(sights[chosen], ellipsoid_C, sigma[chosen])
+        except (ValueError, np.linalg.LinAlgError):
+            return Rejected("horizon", "the edges belong to no position outside the ellipsoid")
+        left = horizon_residuals(sights[chosen], ellipsoid_C, horizon.r_C) / sigma[chosen]
+        kept = np.abs(left) < OUTLIER * max(1.4826 * float(np.median(np.abs(left))), 1.0)
+        if kept.all():
+            return horizon, len(chosen)
+        chosen = chosen[kept]
+    return Rejected("horizon", "no edges agree")
+
+
+def _edge_bias(seen: SeenPicture, predictor: Predictor, directions: Array, ellipsoid_C: Array) -> tuple[Array, Mask]:
+    """How far outside the horizon edges are found on a predicted picture [px], shape (n,), and of which rays that is known."""
+    predicted = predictor.predict(seen).signal
+    region = find_region(predicted, seen.background, seen.psf_px)
+    if region is None:
+        return np.zeros(len(directions)), np.zeros(len(directions), np.bool_)
+    level = _light_level(predicted, region, seen.background)
+    found = find_edges(predicted, seen.variance, region.centre, directions, seen.psf_px, level)
+    r_C = -seen.pose.to_camera(np.zeros(3))
+
+    def missed(places: Array) -> Array:
+        image = seen.lens.to_image(places)
+        return horizon_residuals(np.column_stack((image, np.ones(len(image)))), ellipsoid_C, r_C)
+
+    at, out = missed(found.place), missed(found.place + found.normal)
+    bias = np.divide(at, out - at, out=np.zeros(len(at)), where=out != at)
+    return bias, found.valid & (np.abs(bias) < REACH)
+
+
+def horizon_residuals(sights: Array, A: Array, r_C: Array) -> Array:
+    """Angles by which lines of sight miss the horizon seen from a position, to first order [rad], shape (n,)."""
+    s = sights / np.linalg.norm(sights, axis=1, keepdims=True)
+    # A line r + t s touches where (r^T A s)^2 = (s^T A s)(r^T A r - 1).
+    rs, ss, rr = s @ A @ r_C, np.einsum("nk,kl,nl->n", s, A, s), float(r_C @ A @ r_C) - 1.0
+    f = rs**2 - ss * rr
+    gradient = 2.0 * rs[:, None] * (A @ r_C) - 2.0 * rr * (s @ A)
+    gradient -= np.einsum("nk,nk->n", gradient, s)[:, None] * s
+    missed: Array = f / np.linalg.norm(gradient, axis=1)
+    return missed

@@ -1,0 +1,251 @@
+"""What navigation is given: a picture, what is believed of the pose it was taken from, and a model to predict pictures with.
+
+A picture tells of the camera's position r in A by how far what it shows lies from what a prediction shows. Each way of
+measuring gives that as a `Fix`: y = H dr + noise of covariance R, with dr the true position less the believed one, in A.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from swarm_mj.observation.camera import CameraPose
+from swarm_mj.observation.lens import Lens
+from swarm_mj.observation.shading import GRID, MOST, ShadedBody
+from swarm_mj.typing import Array, Ints32, Mask
+
+#: How many sigmas of the background a smoothed pixel must exceed to belong to the body.
+DETECTED = 5.0
+#: How far beyond the detected region its light is still looked for, over the spread of the lens and at least [px].
+MARGIN_SIGMAS, MARGIN_PX = 5.0, 3
+#: A pixel so many sigmas above the median of its neighbours, none of which is, is hot.
+HOT = 8.0
+#: Samples along a pixel of pictures that are measured, at least.
+FEWEST_SAMPLES = 4
+
+
+def edge_error(diameter_px: float) -> float:
+    """Error by which the edge of a drawn picture lies off in a pixel, 1 sigma [px], and again in that which predicts it.
+
+    Of k samples along a pixel those k that an edge passes are off by up to half their distance each.
+    """
+    k = min(max(GRID / (diameter_px + 2.0), FEWEST_SAMPLES), MOST)
+    return float(np.sqrt(2.0 * k / 12.0) / k**2)
+
+
+class Fix(NamedTuple):
+    """What a picture tells.
+
+    Attributes:
+        kind: How it was measured: `centroid`, `limb`, `horizon` or `landmarks`.
+        y: Shape (m,); [px] of a centroid, else [m].
+        H: Derivatives of y by the camera's position in A, shape (m, 3).
+        R: Covariance of y, shape (m, m); without errors of the camera's attitude.
+        turn: Derivatives of y by a small turn of the camera about its axes [1/rad], shape (m, 3).
+        count: Points that were used: of the limb, or landmarks; pixels of a centroid.
+    """
+
+    kind: str
+    y: Array
+    H: Array
+    R: Array
+    turn: Array
+    count: int
+
+    def covariance(self, attitude_rad: float) -> Array:
+        """R with an error of the camera's attitude about each axis, 1 sigma, shape (m, m)."""
+        return self.R + attitude_rad**2 * self.turn @ self.turn.T
+
+
+class Rejected(NamedTuple):
+    """A picture of which nothing was believed.
+
+    Attributes:
+        kind: How it was to be measured.
+        why: In a few words.
+    """
+
+    kind: str
+    why: str
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPicture:
+    """A picture as navigation is given it.
+
+    Attributes:
+        signal: Electrons above bias and dark current, shape (height, width).
+        variance: Of each pixel [electrons^2], same shape.
+        background: Variance of a pixel without light [electrons^2].
+        per_factor: Electrons of a radiance factor of 1.
+        saturated: Pixels that are full, same shape.
+        lens: Lens and detector.
+        psf_px: Standard deviation of the point spread [px].
+        edge_px: Error of edges by the samples of which pictures are made, 1 sigma of a pixel [px].
+        pose: What is believed of the camera's pose, in A.
+        sun_A: Direction to the Sun in A, shape (3,).
+    """
+
+    signal: Array
+    variance: Array
+    background: float
+    per_factor: float
+    saturated: Mask
+    lens: Lens
+    psf_px: float
+    edge_px: float
+    pose: CameraPose
+    sun_A: Array
+
+    def at(self, r_A: Array) -> SeenPicture:
+        """The same picture, believed to be taken from elsewhere [m]."""
+        return SeenPicture(**{**self.__dict__, "pose": CameraPose(r_A, self.pose.C_CA)})
+
+    @property
+    def centre_px(self) -> Array:
+        """Where the body's centre is believed to be on the detector [px], shape (2,)."""
+        return self.lens.to_pixels(self.pose.to_camera(np.zeros(3)))
+
+
+class Prediction(NamedTuple):
+    """A predicted picture without noise, shape (height, width).
+
+    Attributes:
+        signal: [electrons].
+        face: Under each pixel, -1 for the sky; None where it was not asked for.
+        depth: Likewise [m].
+    """
+
+    signal: Array
+    face: Ints32 | None = None
+    depth: Array | None = None
+
+    def depth_at(self, places: Array) -> tuple[Array, Mask]:
+        """Depth [m] under places on the detector [px], shape (n, 2), and whether there is any; shape (n,) each."""
+        assert self.face is not None and self.depth is not None
+        column = np.clip(places[:, 0].astype(np.int64), 0, self.face.shape[1] - 1)
+        row = np.clip(places[:, 1].astype(np.int64), 0, self.face.shape[0] - 1)
+        return self.depth[row, column], self.face[row, column] >= 0
+
+
+class Predictor:
+    """Predicts pictures by a model of the body, which need not be the body itself.
+
+    Args:
+        body: The model.
+        radius: Of its vertices, the largest [m].
+    """
+
+    def __init__(self, body: ShadedBody, radius: float) -> None:
+        self._body, self.radius = body, radius
+
+    def predict(self, seen: SeenPicture, *, depths: bool = False) -> Prediction:
+        """The picture that the believed pose would give."""
+        factor = self._body.draw(seen.lens, seen.pose, seen.sun_A, fewest=FEWEST_SAMPLES)
+        signal = np.zeros(factor.shape)
+        if (box := box_of(factor > 0.0, margin_px(seen.psf_px))) is not None:
+            signal[box] = factor[box]
+            if seen.psf_px > 0.0:
+                signal[box] = ndimage.gaussian_filter(signal[box], seen.psf_px, mode="nearest", truncate=5.0)
+            signal *= seen.per_factor
+        if not depths:
+            return Prediction(signal)
+        face, depth, _ = self._body.depths(seen.lens, seen.pose, seen.sun_A)
+        return Prediction(signal, face, depth)
+
+    def diameter_px(self, seen: SeenPicture) -> float:
+        """Of the sphere about the model, as the believed pose sees it [px]."""
+        distance = float(np.linalg.norm(seen.pose.r_A))
+        return float(2.0 * self.radius * seen.lens.focal_px / max(distance, self.radius))
+
+
+class Region(NamedTuple):
+    """Where the body is on a picture.
+
+    Attributes:
+        mask: Pixels that may have light of it, shape (height, width).
+        box: Rows and columns that hold them.
+        centre: Centre of brightness [px], shape (2,).
+        flux: Sum of its signal [electrons].
+        cut: Whether it reaches the picture's edge.
+    """
+
+    mask: Mask
+    box: tuple[slice, slice]
+    centre: Array
+    flux: float
+    cut: bool
+
+
+def margin_px(psf_px: float) -> int:
+    """How far the light of a body reaches beyond it [px]."""
+    return max(MARGIN_PX, int(np.ceil(MARGIN_SIGMAS * psf_px)))
+
+
+def box_of(mask: Mask, margin: int) -> tuple[slice, slice] | None:
+    """Rows and columns of the marked pixels and of those around; None: there are none."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return None
+    (height, width), m = mask.shape, margin
+    return (
+        slice(max(int(rows[0]) - m, 0), min(int(rows[-1]) + m + 1, height)),
+        slice(max(int(columns[0]) - m, 0), min(int(columns[-1]) + m + 1, width)),
+    )
+
+
+def without_hot_pixels(seen: SeenPicture) -> Array:
+    """The signal without pixels that are bright alone against the sky, shape (height, width)."""
+    sigma, signal = np.sqrt(max(seen.background, 1e-12)), seen.signal
+    rows, columns = np.nonzero(signal > HOT * sigma)
+    if not len(rows):
+        return signal
+    dark = np.pad(signal < 3.0 * sigma, 1, constant_values=True)
+    alone = np.ones(len(rows), np.bool_)
+    for down, across in ((0, 1), (2, 1), (1, 0), (1, 2)):
+        alone &= dark[rows + down, columns + across]
+    if not alone.any():
+        return signal
+    cleaned = signal.copy()
+    cleaned[rows[alone], columns[alone]] = 0.0
+    return cleaned
+
+
+def find_region(signal: Array, background: float, psf_px: float) -> Region | None:
+    """The brightest connected region of a picture; None: there is none above the noise."""
+    sigma = np.sqrt(max(background, 1e-12))
+    # What no pixel near it exceeds by two sigmas the mean of nine does not by five thirds.
+    around = box_of(signal > DETECTED / 3.0 * sigma, 2)
+    if around is None:
+        return None
+    # The mean of 3 x 3 pixels has a third of their noise.
+    smooth = ndimage.uniform_filter(signal[around], 3, mode="nearest")
+    number, count = ndimage.label(smooth > DETECTED / 3.0 * sigma)
+    if count == 0:
+        return None
+    flux = ndimage.sum_labels(signal[around], number, np.arange(1, count + 1))
+    chosen = int(np.argmax(flux)) + 1
+    mask = np.zeros(signal.shape, np.bool_)
+    mask[around] = number == chosen
+    grown = margin_px(psf_px)
+    box = box_of(mask, grown)
+    assert box is not None  # it was found
+    mask[box] = ndimage.binary_dilation(mask[box], iterations=grown)
+    centre, total = centre_of_brightness(signal[box], mask[box], (box[1].start, box[0].start))
+    if total <= 0.0:
+        return None
+    cut = bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
+    return Region(mask, box, centre, total, cut)
+
+
+def centre_of_brightness(signal: Array, mask: Mask, origin: tuple[int, int] = (0, 0)) -> tuple[Array, float]:
+    """Centre [px], shape (2,), and sum of the signal of some pixels; `origin` is the column and row of the first."""
+    light = np.where(mask, signal, 0.0)
+    total = float(light.sum())
+    across, down = light.sum(axis=0), light.sum(axis=1)
+    x = float(across @ (np.arange(light.shape[1]) + origin[0] + 0.5))
+    y = float(down @ (np.arange(light.shape[0]) + origin[1] + 0.5))
+    return (np.array([x, y]) / total if total != 0.0 else np.full(2, np.nan)), total
