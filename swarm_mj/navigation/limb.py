@@ -21,6 +21,7 @@ from scipy import ndimage
 from scipy.special import erf
 
 from swarm_mj.navigation.picture import (
+    FEWEST_SAMPLES,
     Fix,
     Prediction,
     Predictor,
@@ -57,8 +58,12 @@ EDGE_ROUNDS = 6
 HORIZON_ROUNDS = 3
 #: By how much pictures are blurred before they are matched [px], and how many rounds each.
 BLURS = ((6.0, 4), (2.0, 4), (0.0, 8))
+#: A fit has settled when its last step, squared over its covariance, is as small.
+SETTLED = 0.02
 #: Half the width of the band of pixels that are fitted [px].
 BAND = 4
+#: By how much pictures are moved to draw their slopes [px].
+SHIFT_PX = 0.25
 #: Errors of a model's limb are alike over so many pixels.
 ALIKE_PX = 10.0
 #: Root mean square of the residuals over the noise beyond which the picture is not believed to be one of the model.
@@ -208,11 +213,14 @@ def measure_limb(seen: SeenPicture, predictor: Predictor, *, model_px: float = 0
             if np.linalg.norm(believed.pose.r_A) < 0.5 * predictor.radius:
                 return Rejected("limb", "led into the body")
             small = 0.1 * blur * float(np.linalg.norm(believed.pose.r_A)) / seen.lens.focal_px
-            if np.linalg.norm(solved.dr) < small or solved.dr @ np.linalg.solve(solved.P, solved.dr) < 0.01:
+            if np.linalg.norm(solved.dr) < small or solved.dr @ np.linalg.solve(solved.P, solved.dr) < SETTLED:
                 break
     assert not isinstance(solved, Rejected)
     if solved.dr @ np.linalg.solve(solved.P, solved.dr) > 1.0:
         return Rejected("limb", "the fit does not settle")
+    solved = _match_pixels(believed, predictor, signal, model_px, 0.0, exact=True)
+    if isinstance(solved, Rejected):
+        return solved
     if solved.misfit > MISFIT:
         return Rejected("limb", "the limb does not look like the model's")
     turn = -seen.pose.C_CA.T @ _cross(believed.pose.to_camera(np.zeros(3)))
@@ -232,16 +240,21 @@ class _Fitted(NamedTuple):
     misfit: float
 
 
-def _match_pixels(seen: SeenPicture, predictor: Predictor, signal: Array, model_px: float, blur: float) -> _Fitted | Rejected:
-    """Fit the pixels about the lit limb, of pictures that are blurred by so many pixels."""
-    predicted = predictor.predict(seen, depths=True)
+def _match_pixels(
+    seen: SeenPicture, predictor: Predictor, signal: Array, model_px: float, blur: float, *, exact: bool = False
+) -> _Fitted | Rejected:
+    """Fit the pixels about the lit limb, of pictures that are blurred by so many pixels.
+
+    Its covariance is that of the noise alone, as if its slopes were those of the picture; `exact`: by slopes that were drawn.
+    """
+    predicted = predictor.predict(seen, depths=True, fewest=2 if blur > 0.0 else FEWEST_SAMPLES)
     if blur > 0.0:
         predicted = predicted._replace(signal=ndimage.gaussian_filter(predicted.signal, blur))
     band = _band(seen, predicted, BAND + int(2.0 * blur))
     if int(band.sum()) < 3 * LEAST_EDGES:
         return Rejected("limb", "too little of the lit limb is in the picture")
     light = predicted.signal[band]
-    basis, slope = _slopes(seen, predicted, band)
+    basis, slope = _slopes(seen, predicted, band, _splined_slopes(predicted.signal, band))
     basis = np.column_stack((light, basis))
     variance = np.maximum(light, 0.0) + seen.background + (seen.edge_px * slope) ** 2
     chosen = ~seen.saturated[band]
@@ -259,11 +272,17 @@ def _match_pixels(seen: SeenPicture, predictor: Predictor, signal: Array, model_
         if (kept == chosen).all():
             break
         chosen = kept
-    P4 = np.linalg.inv(info)
+    K = (B * w[:, None]).T
+    true = B
+    if exact:
+        true = np.column_stack((light, _slopes(seen, predicted, band, _drawn_slopes(seen, predictor))[0]))[chosen]
+    # The fit ends where K residual = 0: what noise moves that by, the picture's own slopes say.
+    settle = np.linalg.inv(K @ true)
+    P4 = settle @ info @ settle.T
     if model_px > 0.0:
         # Places of the limb err alone; the pixels of one, across the band, as one.
-        error = ((B * w[:, None]) @ P4) * (model_px * slope[chosen])[:, None] * np.sqrt(2.0 * ALIKE_PX)
-        P4 = P4 + error.T @ error
+        error = (settle @ K) * (model_px * slope[chosen]) * np.sqrt(2.0 * ALIKE_PX)
+        P4 = P4 + error @ error.T
     gain = float(fit[0])
     if not gain > 0.2:
         return Rejected("limb", "the picture is not as bright as the model's")
@@ -273,24 +292,44 @@ def _match_pixels(seen: SeenPicture, predictor: Predictor, signal: Array, model_
     return _Fitted(C.T @ fit[1:] / gain, 0.5 * (P + P.T), int(chosen.sum()), misfit)
 
 
-def _slopes(seen: SeenPicture, predicted: Prediction, band: Mask) -> tuple[Array, Array]:
+def _splined_slopes(signal: Array, band: Mask) -> tuple[Array, Array]:
+    """How a picture changes along columns and rows [electrons/px], (height, width) each, by splines; zero far from the band."""
+    box = box_of(band, 4)
+    assert box is not None  # pixels were found
+    found = []
+    for axis in (1, 0):
+        spline = ndimage.spline_filter1d(signal[box], 3, axis, mode="nearest")
+        slope = np.zeros(signal.shape)
+        slope[box] = 0.5 * (np.roll(spline, -1, axis) - np.roll(spline, 1, axis))
+        found.append(slope)
+    return found[0], found[1]
+
+
+def _drawn_slopes(seen: SeenPicture, predictor: Predictor) -> tuple[Array, Array]:
+    """The same by pictures of a camera that is turned a little."""
+    found, angle = [], SHIFT_PX / seen.lens.focal_px
+    for turn in (np.array([0.0, angle, 0.0]), np.array([-angle, 0.0, 0.0])):
+        # The camera turned by this, the picture moves to the left or up, so that a pixel shows what was right of it or below.
+        ahead, behind = (
+            predictor.predict(seen.turned(side * turn)).signal for side in (1.0, -1.0)
+        )
+        found.append((ahead - behind) / (2.0 * SHIFT_PX))
+    return found[0], found[1]
+
+
+def _slopes(
+    seen: SeenPicture, predicted: Prediction, band: Mask, across_down: tuple[Array, Array]
+) -> tuple[Array, Array]:
     """How the pixels of a band change with the position in C [electrons/m], shape (n, 3), and along the picture [1/px], (n,)."""
     assert predicted.depth is not None
     box = box_of(band, 4)
     assert box is not None  # pixels were found
-    signal = predicted.signal[box]
-    down, across = (
-        0.5 * (np.roll(spline, -1, axis) - np.roll(spline, 1, axis))
-        for axis in (0, 1)
-        for spline in [ndimage.spline_filter1d(signal, 3, axis, mode="nearest")]
-    )
-    inner = band[box]
-    rows, columns = np.nonzero(inner)
-    gradient = np.column_stack((across[inner], down[inner]))
+    rows, columns = np.nonzero(band[box])
+    gradient = np.column_stack([slope[band] for slope in across_down])
     # Beside the body pixels move as the nearest of it.
     sky = predicted.depth[box] <= 0.0
     nearest = ndimage.distance_transform_edt(sky, return_distances=False, return_indices=True)
-    depth = predicted.depth[box][tuple(nearest)][inner]
+    depth = predicted.depth[box][tuple(nearest)][band[box]]
     image = seen.lens.to_image(np.column_stack((columns + box[1].start + 0.5, rows + box[0].start + 0.5)))
     points_C = np.column_stack((image, np.ones(len(image)))) * depth[:, None]
     moved = np.einsum("nk,nkl->nl", gradient, seen.lens.pixel_jacobian(points_C))

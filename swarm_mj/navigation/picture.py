@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
+from scipy.spatial.transform import Rotation
 
 from swarm_mj.observation.camera import CameraPose
 from swarm_mj.observation.lens import Lens
@@ -30,10 +31,11 @@ FEWEST_SAMPLES = 4
 def edge_error(diameter_px: float) -> float:
     """Error by which the edge of a drawn picture lies off in a pixel, 1 sigma [px], and again in that which predicts it.
 
-    Of k samples along a pixel those k that an edge passes are off by up to half their distance each.
+    Of k samples along a pixel those k that an edge passes are off by up to half their distance each, and the lens' spread takes
+    the mean of some pixels.
     """
     k = min(max(GRID / (diameter_px + 2.0), FEWEST_SAMPLES), MOST)
-    return float(np.sqrt(2.0 * k / 12.0) / k**2)
+    return float(0.42 * np.sqrt(2.0 * k / 12.0) / k**2)
 
 
 class Fix(NamedTuple):
@@ -104,6 +106,11 @@ class SeenPicture:
         """The same picture, believed to be taken from elsewhere [m]."""
         return SeenPicture(**{**self.__dict__, "pose": CameraPose(r_A, self.pose.C_CA)})
 
+    def turned(self, turn: Array) -> SeenPicture:
+        """The same picture, believed to be taken by a camera turned about its axes by a small angle [rad], shape (3,)."""
+        C_CA = Rotation.from_rotvec(-turn).as_matrix() @ self.pose.C_CA
+        return SeenPicture(**{**self.__dict__, "pose": CameraPose(self.pose.r_A, C_CA)})
+
     @property
     def centre_px(self) -> Array:
         """Where the body's centre is believed to be on the detector [px], shape (2,)."""
@@ -142,9 +149,9 @@ class Predictor:
     def __init__(self, body: ShadedBody, radius: float) -> None:
         self._body, self.radius = body, radius
 
-    def predict(self, seen: SeenPicture, *, depths: bool = False) -> Prediction:
+    def predict(self, seen: SeenPicture, *, depths: bool = False, fewest: int = FEWEST_SAMPLES) -> Prediction:
         """The picture that the believed pose would give."""
-        factor = self._body.draw(seen.lens, seen.pose, seen.sun_A, fewest=FEWEST_SAMPLES)
+        factor = self._body.draw(seen.lens, seen.pose, seen.sun_A, fewest=fewest)
         signal = np.zeros(factor.shape)
         if (box := box_of(factor > 0.0, margin_px(seen.psf_px))) is not None:
             signal[box] = factor[box]
