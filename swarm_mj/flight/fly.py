@@ -19,7 +19,7 @@ from swarm_mj.flight.coordination import parts_chosen, record_coordination
 from swarm_mj.flight.formation import fly_formation, record_formation
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.trajectory_corrections import CorrectionLaw, correction_law
-from swarm_mj.mission.behaviors import ELECTIONS, MissionBehavior
+from swarm_mj.mission.behaviors import ELECTIONS, BodyOnApproach, MissionBehavior
 from swarm_mj.mission.links import links_closed
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
@@ -132,7 +132,12 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
             all of it in any case.
     """
     scenario, model = plan.scenario, model_of(plan, geometry=geometry)
-    behavior = plan.behavior
+    behavior = plan.behavior.for_flight(plan) if isinstance(plan.behavior, MissionBehavior) else plan.behavior
+    navigator = None
+    if scenario.navigation.mode == "optical":
+        from swarm_mj.flight.optical import OpticalNavigator
+
+        behavior, navigator = BodyOnApproach(behavior, plan.n_observers), OpticalNavigator(plan)
     simulation = Simulation(
         FlightSetup(
             model=model,
@@ -143,10 +148,11 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
             minimum_time_slews=scenario.control.slew == "time_optimal",
             aiming=aiming_of(scenario.camera, scenario.control.second_axis),
         ),
-        behavior.for_flight(plan) if isinstance(behavior, MissionBehavior) else behavior,
+        behavior,
         plan.controller,
         force_law=correction_law(plan),
         shape=plan.shape,
+        navigator=navigator,
     )
     fly_burns(simulation, plan.deployment)
     _check_nozzles(simulation)
@@ -234,6 +240,8 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
             [{**asdict(event), "spacecraft": plan.names[event.spacecraft]} for event in simulation.events]
         )
     telemetry["link_closed"] = VARIABLES["link_closed"].of(closed)
+    if simulation.navigator is not None:
+        telemetry.attrs["navigation"] = json.dumps(simulation.navigator.record())
     return telemetry
 
 

@@ -16,7 +16,7 @@ from swarm_mj.observation.capture import Picture
 from swarm_mj.observation.detector import DetectorModel, Exposed
 from swarm_mj.observation.lens import Distortion, Lens, lens_of
 from swarm_mj.observation.photometry import body_surface
-from swarm_mj.observation.shading import Labels, ShadedBody
+from swarm_mj.observation.shading import FEWEST, Labels, ShadedBody
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.companion import Companion
 from swarm_mj.typing import Array, Array32
@@ -117,10 +117,10 @@ class PictureMaker:
             self._vertices[-len(self._companion.shape.vertices) :] = self._companion_at(t)
             self._body.move(self._vertices)
 
-    def factor(self, picture: Picture, exposure_s: float = 0.0) -> Array32:
+    def factor(self, picture: Picture, exposure_s: float = 0.0, fewest: int = FEWEST) -> Array32:
         """Radiance factors of a picture, averaged over each pixel and over the exposure; shape (height, width)."""
         self._arrange(picture.t)
-        shown = self._body.draw(self.lens, picture.pose, picture.sun_A)
+        shown = self._body.draw(self.lens, picture.pose, picture.sun_A, fewest=fewest)
         blur = self._motion_px(picture, exposure_s)
         if blur <= BETWEEN_PX:
             return shown
@@ -128,7 +128,7 @@ class PictureMaker:
         total = np.zeros_like(shown)
         for k in range(instants):
             pose = moved(picture.pose, picture.motion, exposure_s * ((k + 0.5) / instants - 0.5))
-            total += self._body.draw(self.lens, pose, picture.sun_A)
+            total += self._body.draw(self.lens, pose, picture.sun_A, fewest=fewest)
         return total / np.float32(instants)
 
     def _motion_px(self, picture: Picture, exposure_s: float) -> float:
@@ -140,18 +140,18 @@ class PictureMaker:
             return 0.0
         return float(np.linalg.norm(np.subtract(*(end[:2] / end[2] for end in ends))) * self.lens.focal_px)
 
-    def take(self, picture: Picture) -> Taken:
-        """Expose a picture, with the noise that belongs to its spacecraft and time."""
+    def take(self, picture: Picture, fewest: int = FEWEST) -> Taken:
+        """Expose a picture, with the noise that belongs to its spacecraft and time; `fewest` samples along a pixel."""
         detector, sun_m = self._detectors[picture.spacecraft], float(np.linalg.norm(picture.sun_A))
         exposure_s = picture.exposure_s
         if exposure_s is None:
             self._arrange(picture.t)
-            still = self._body.draw(self.lens, picture.pose, picture.sun_A)
+            still = self._body.draw(self.lens, picture.pose, picture.sun_A, fewest=fewest)
             exposure_s = detector.exposure(detector.spread(still), sun_m)
             smeared = self._motion_px(picture, exposure_s) > BETWEEN_PX
-            factor = self.factor(picture, exposure_s) if smeared else still
+            factor = self.factor(picture, exposure_s, fewest) if smeared else still
         else:
-            factor = self.factor(picture, exposure_s)
+            factor = self.factor(picture, exposure_s, fewest)
         rng = np.random.default_rng([self._seed, picture.spacecraft, round(1e3 * picture.t)])
         return Taken(picture, detector.expose(factor, sun_m, rng, exposure_s))
 

@@ -29,7 +29,8 @@ from swarm_mj.mission.trajectories import Deployment
 from swarm_mj.scenarios.itinerary import arrival_times, itinerary
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
-from swarm_mj.scenarios.schema_propulsion import Navigation, Trajectory
+from swarm_mj.scenarios.schema_navigation import Navigation
+from swarm_mj.scenarios.schema_propulsion import Trajectory
 from swarm_mj.simulator.faults.schedule import check_faults
 from swarm_mj.smallbody.companion import Companion
 from swarm_mj.smallbody.environment import Environment

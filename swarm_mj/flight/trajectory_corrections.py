@@ -154,11 +154,20 @@ class CorrectionLaw:
         environment: Forces of the planned flights.
         thrusters: Their thrust and shortest pulse.
         seed: Of the scenario, from which the errors are drawn.
+        optical: Whether what is known of states comes by navigation, and no errors of it are drawn.
     """
 
     def __init__(
-        self, legs: Legs, errors: FlightErrors, environment: Environment, thrusters: Thrusters, *, seed: int
+        self,
+        legs: Legs,
+        errors: FlightErrors,
+        environment: Environment,
+        thrusters: Thrusters,
+        *,
+        seed: int,
+        optical: bool = False,
     ) -> None:
+        self._optical = optical
         self._legs, self._errors, self._seed = legs, errors, seed
         self._thrust, self._least = thrusters.thrust_n, thrusters.min_impulse_bit_n_s
         self._to_arrival = legs.to_arrival
@@ -194,8 +203,11 @@ class CorrectionLaw:
             late = view.t - legs.times[j, k + 1]
             if late < -0.5 * view.period:
                 continue
-            error = np.repeat((self._errors.position, self._errors.velocity), 3)
-            error = error * stream(self._seed, Stream.NAVIGATION, k, int(j)).standard_normal(6)
+            # What navigation by pictures errs by is in the view already.
+            error = np.zeros(6)
+            if not self._optical:
+                error = np.repeat((self._errors.position, self._errors.velocity), 3)
+                error = error * stream(self._seed, Stream.NAVIGATION, k, int(j)).standard_normal(6)
             planned = np.concatenate((legs.r_N[j, k + 1] + late * legs.v_N[j, k + 1], legs.v_N[j, k + 1]))
             known = np.concatenate((view.r_BN_N[j], view.v_BN_N[j])) - planned + error
             miss[j], done[j] = self._to_arrival[j, k + 1, :3] @ known, k + 1
@@ -231,7 +243,10 @@ def correction_law(plan: Plan) -> CorrectionLaw | None:
     scenario, thrusters = plan.scenario, plan.scenario.spacecraft.thrusters
     if not scenario.trajectory.corrections or thrusters is None:
         return None
-    return CorrectionLaw(legs_of(plan), errors_of(plan), plan.environment, thrusters, seed=scenario.seed)
+    optical = scenario.navigation.mode == "optical"
+    return CorrectionLaw(
+        legs_of(plan), errors_of(plan), plan.environment, thrusters, seed=scenario.seed, optical=optical
+    )
 
 
 def _effect_of_pushes(legs: Legs, environment: Environment, j: int) -> CubicSpline:

@@ -232,6 +232,37 @@ class PointAims:
 
 
 @dataclass(frozen=True)
+class BodyOnApproach:
+    """A behaviour whose observers look at the body until they first do so by themselves, so that cameras can navigate.
+
+    Attributes:
+        inner: The behaviour.
+        n_observers: Number of spacecraft that observe; they come first.
+    """
+
+    inner: Behavior
+    n_observers: int
+
+    @property
+    def dedicated_communications(self) -> bool:
+        """See `Behavior`."""
+        return self.inner.dedicated_communications
+
+    def targets(self, view: SwarmView, memory: tuple[Any, Mask] | None) -> tuple[Targets, tuple[Any, Mask]]:
+        """See `Behavior`; the memory is the inner behaviour's, and who has looked at the body by itself."""
+        inner, looked = (None, np.zeros(self.n_observers, np.bool_)) if memory is None else memory
+        targets, inner = self.inner.targets(view, inner)
+        looked = looked | looks_at_body(targets.kind[: self.n_observers])
+        kind, approach = targets.kind.copy(), np.flatnonzero(~looked)
+        kind[approach] = _ASTEROID
+        return Targets(kind, targets.spacecraft, targets.vector), (inner, looked)
+
+    def steady_for(self, view: SwarmView, memory: tuple[Any, Mask]) -> float:
+        """See `SteadyBehavior`."""
+        return self.inner.steady_for(view, memory[0]) if isinstance(self.inner, SteadyBehavior) else 0.0
+
+
+@dataclass(frozen=True)
 class BodyTracking:
     """All look at the body from the start of a flight on, however far it is, and later elsewhere.
 

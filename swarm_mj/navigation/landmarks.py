@@ -30,6 +30,9 @@ FLOOR = 0.02
 ALIKE_PX = 3.0
 OUTLIER = 4.0
 ROUNDS = 3
+#: Landmarks are looked for so near [px]; pictures that may be farther off are first aligned, with pixels so coarse that it is not
+#: more than `COARSE_PX` of them, and as much alike.
+NEAR_PX, COARSE_PX, ALIGNED = 12.0, 24.0, 0.6
 
 
 class Found(NamedTuple):
@@ -62,6 +65,11 @@ def measure_landmarks(
     signal = without_hot_pixels(seen)
     start, believed, search = seen.pose.r_A, seen, search_px
     dr, P, count = np.zeros(3), np.eye(3), 0
+    if search > NEAR_PX:
+        aside = _align(seen, predictor, signal, search)
+        if isinstance(aside, Rejected):
+            return aside
+        believed, search = seen.at(seen.pose.r_A + aside), NEAR_PX
     for k in range(ROUNDS):
         found = find_landmarks(believed, predictor, signal, search)
         if isinstance(found, Rejected):
@@ -78,6 +86,34 @@ def measure_landmarks(
     # A turn of the camera moves all landmarks as one; what position would do the same follows from the fit.
     turn = _turn_as_position(believed, found, P, floor_px)
     return Fix("landmarks", believed.pose.r_A - start, np.eye(3), P, turn, count)
+
+
+def _align(seen: SeenPicture, predictor: Predictor, signal: Array, search_px: float) -> Array | Rejected:
+    """How far aside the camera is [m], in A, by the middle of a coarse predicted picture in a coarse one, to a pixel of theirs."""
+    predicted = predictor.predict(seen, depths=True, fewest=2)
+    assert predicted.face is not None and predicted.depth is not None
+    scale = max(1, int(search_px / COARSE_PX))
+    small, model = _coarse(signal, scale), _coarse(predicted.signal, scale)
+    margin = min(int(np.ceil(search_px / scale)), min(small.shape) // 3)
+    patch = model[margin:-margin, margin:-margin]
+    if min(patch.shape) < 8 or not patch.std() > 0.0:
+        return Rejected("landmarks", "the predicted picture is dark or has nothing to align by")
+    score = _template_matcher()(small, patch)
+    best = np.unravel_index(int(np.argmax(score)), score.shape)
+    if not score[best] >= ALIGNED:
+        return Rejected("landmarks", "the picture does not look like the predicted one anywhere near")
+    shift = scale * np.array([best[1] - margin, best[0] - margin], np.float64)
+    hit = predicted.face >= 0
+    depth = float(np.median(predicted.depth[hit])) if hit.any() else float(np.linalg.norm(seen.pose.r_A))
+    aside: Array = seen.pose.C_CA.T @ np.append(-shift * depth / seen.lens.focal_px, 0.0)
+    return aside
+
+
+def _coarse(picture: Array, scale: int) -> Array:
+    """Means of blocks of pixels."""
+    rows, columns = (size // scale for size in picture.shape)
+    blocks = picture[: rows * scale, : columns * scale].reshape(rows, scale, columns, scale)
+    return np.asarray(blocks.mean(axis=(1, 3)))
 
 
 def find_landmarks(seen: SeenPicture, predictor: Predictor, signal: Array, search_px: float) -> Found | Rejected:

@@ -258,9 +258,9 @@ def _match_pixels(
     basis = np.column_stack((light, basis))
     variance = np.maximum(light, 0.0) + seen.background + (seen.edge_px * slope) ** 2
     chosen = ~seen.saturated[band]
-    residual, fit = np.zeros(len(light)), np.zeros(4)
+    residual, fit, used = np.zeros(len(light)), np.zeros(4), chosen
     for _ in range(3):
-        B, w = basis[chosen], 1.0 / variance[chosen]
+        used, B, w = chosen, basis[chosen], 1.0 / variance[chosen]
         info = (B * w[:, None]).T @ B
         scale = np.sqrt(np.diag(info))
         if not (scale > 0.0).all() or np.linalg.cond(info / np.outer(scale, scale)) > 1e10:
@@ -275,21 +275,21 @@ def _match_pixels(
     K = (B * w[:, None]).T
     true = B
     if exact:
-        true = np.column_stack((light, _slopes(seen, predicted, band, _drawn_slopes(seen, predictor))[0]))[chosen]
+        true = np.column_stack((light, _slopes(seen, predicted, band, _drawn_slopes(seen, predictor))[0]))[used]
     # The fit ends where K residual = 0: what noise moves that by, the picture's own slopes say.
     settle = np.linalg.inv(K @ true)
     P4 = settle @ info @ settle.T
     if model_px > 0.0:
         # Places of the limb err alone; the pixels of one, across the band, as one.
-        error = (settle @ K) * (model_px * slope[chosen]) * np.sqrt(2.0 * ALIKE_PX)
+        error = (settle @ K) * (model_px * slope[used]) * np.sqrt(2.0 * ALIKE_PX)
         P4 = P4 + error @ error.T
     gain = float(fit[0])
     if not gain > 0.2:
         return Rejected("limb", "the picture is not as bright as the model's")
     C = seen.pose.C_CA
-    misfit = float(np.sqrt(np.mean(residual[chosen] ** 2 / variance[chosen])))
+    misfit = float(np.sqrt(np.mean(residual[used] ** 2 / variance[used])))
     P = C.T @ P4[1:, 1:] @ C / gain**2
-    return _Fitted(C.T @ fit[1:] / gain, 0.5 * (P + P.T), int(chosen.sum()), misfit)
+    return _Fitted(C.T @ fit[1:] / gain, 0.5 * (P + P.T), int(used.sum()), misfit)
 
 
 def _splined_slopes(signal: Array, band: Mask) -> tuple[Array, Array]:

@@ -20,8 +20,8 @@ from swarm_mj.scenarios.schema_imaging import Camera, Observation
 from swarm_mj.scenarios.schema_itinerary import Aim, Design, Visit
 from swarm_mj.scenarios.schema_link import Data, Link
 from swarm_mj.scenarios.schema_mothership import KnownState, Mothership
+from swarm_mj.scenarios.schema_navigation import Navigation
 from swarm_mj.scenarios.schema_propulsion import (
-    Navigation,
     Thrusters,
     Trajectory,
     corrections_can_be_flown,

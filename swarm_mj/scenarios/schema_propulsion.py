@@ -101,13 +101,6 @@ class Trajectory(Section):
     )
 
 
-class Navigation(Section):
-    """What a spacecraft knows of its own state at a correction; drawn anew for each, from the scenario's seed."""
-
-    position_m: float = Field(0.0, ge=0, le=1e9, description="1 sigma of each component of its position in N [m]")
-    velocity_m_s: float = Field(0.0, ge=0, le=1e4, description="1 sigma of each component of its velocity in N [m/s]")
-
-
 def corrections_can_be_flown(trajectory: Trajectory, thrusters: Thrusters | None) -> None:
     """Refuse corrections without anything to correct with."""
     if not trajectory.corrections:

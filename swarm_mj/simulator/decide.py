@@ -202,6 +202,22 @@ def locate_targets(
 
 
 @allocation_free
+def guess_positions(since: float, off_r_N: Array, off_v_N: Array, work: Array) -> None:
+    """Put what is known of positions and velocities in the place of the truth.
+
+    Args:
+        since: Time for which the next two have grown [s].
+        off_r_N: Known positions less the true ones, shape (n, 3) [m].
+        off_v_N: Known velocities less the true ones, shape (n, 3) [m/s].
+        work: R and V are changed, see `Slot`.
+    """
+    for j in range(off_r_N.shape[0]):
+        for k in range(3):
+            work[Slot.R, j, k] += off_r_N[j, k] + since * off_v_N[j, k]
+            work[Slot.V, j, k] += off_v_N[j, k]
+
+
+@allocation_free
 def mount_bases(aiming: Aiming, kind: Ints, restart: Mask, q_BN: Array, q_RN: Array) -> None:
     """Turn the attitudes that guidance begins with into those of cameras, of spacecraft that look at the body.
 

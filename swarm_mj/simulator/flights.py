@@ -93,6 +93,10 @@ class Flights(NamedTuple):
     torque_N: Array  #: of thrusters and gravity gradient in the hold, in N, shape (E, n, 3) [N m]
     motor: Array  #: torques of motors and bearings on the wheels in the hold, shape (E, n, w) [N m]
     peaks: Array  #: see `Peak`, shape (E, n, 3)
+    guessing: Mask  #: whether positions are known by navigation, and not as they are, shape (E,)
+    guessed_at: Array  #: time at which the next two held, shape (E,) [s]
+    off_r_N: Array  #: known positions less the true ones, which grow with the next, shape (E, n, 3) [m]
+    off_v_N: Array  #: known velocities less the true ones, shape (E, n, 3) [m/s]
 
 
 def allocate_flights(count: int, n: int, w: int) -> Flights:
@@ -143,6 +147,10 @@ def allocate_flights(count: int, n: int, w: int) -> Flights:
         torque_N=zeros(n, 3),
         motor=zeros(n, w),
         peaks=zeros(n, 3),
+        guessing=flags(False),
+        guessed_at=zeros(),
+        off_r_N=zeros(n, 3),
+        off_v_N=zeros(n, 3),
     )
 
 

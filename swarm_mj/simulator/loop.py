@@ -15,6 +15,7 @@ import numpy as np
 from swarm_mj.compilation import allocation_free, inlined, jittable
 from swarm_mj.simulator.decide import (
     actuate,
+    guess_positions,
     hold_gravity,
     hold_gravity_gradient,
     is_finite,
@@ -254,6 +255,8 @@ def _guide(world: World, flights: Flights, conditions: Any, e: int) -> bool:
     for k in range(3):
         earth_N[k] = world.earth_N[k] + t * world.earth_velocity_N[k]
     vector, work, q_known = flights.vector[e], flights.work[e], flights.q_BN[e]
+    if flights.guessing[e]:
+        guess_positions(t - flights.guessed_at[e], flights.off_r_N[e], flights.off_v_N[e], work)
     locate_targets(kind, spacecraft, vector, earth_N, world.earth_velocity_N, world.spin_N, flights.C_AN[e], work)
     if conditions is not None:
         if conditions.senses[e]:
@@ -274,6 +277,9 @@ def _guide(world: World, flights: Flights, conditions: Any, e: int) -> bool:
             sun_N[k] = world.sun_N[k] + t * world.sun_velocity_N[k]
         roll_references(aiming, sun_N, earth_N, work[Slot.R], work[Slot.V], work[Slot.A], sight, reference)
     attitude_error(q_known, work[Slot.OMEGA], reference, error)
+    if flights.guessing[e]:
+        _copy(flights.r_N[e], work[Slot.R])
+        _copy(flights.v_N[e], work[Slot.V])
     return True
 
 

@@ -179,14 +179,15 @@ class Propulsion:
         state.torque_N[:] += torque_N
 
     def _ask(self, q_known: Array, working: Mask) -> Array:
-        state, work = self._state, self._state.work
+        state = self._state
         if self._law is None:
             return np.zeros_like(self.force_N)
+        r_N, v_N = state.known()
         view = ForceView(
             t=state.time,
             period=state.period,
-            r_BN_N=work[Slot.R].copy(),
-            v_BN_N=work[Slot.V].copy(),
+            r_BN_N=r_N,
+            v_BN_N=v_N,
             q_BN=q_known.copy(),
             mass=self.mass,
             propellant=self.propellant.copy(),

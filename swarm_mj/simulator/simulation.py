@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
@@ -62,6 +62,28 @@ class FlightSamples:
     instruments: Instruments | None = None  #: what spacecraft from a file add: sensors and joints
 
 
+class Navigator(Protocol):
+    """Who finds out where the spacecraft are, at times of its own.
+
+    Attributes:
+        due: Tick at which it looks next.
+    """
+
+    due: int
+
+    def reset(self, simulation: Simulation) -> None:
+        """Begin a flight."""
+
+    def look(self, simulation: Simulation) -> None:
+        """Look at the present instant, and write what is known less the truth into `Flights`."""
+
+    def sampled(self, simulation: Simulation) -> dict[str, NDArray[Any]]:
+        """What is sampled of it, by the names of telemetry."""
+
+    def record(self) -> list[dict[str, Any]]:
+        """What it did in the flight, as plain data."""
+
+
 class Simulation:
     """A swarm in flight.
 
@@ -71,6 +93,7 @@ class Simulation:
         controller: The attitude control law.
         force_law: Who asks the thrusters for forces; None: nobody, and they stay shut.
         shape: The body, to look for impacts while `run` flies; None: nobody looks.
+        navigator: Who finds out where the spacecraft are while `run` flies; None: they know.
 
     Attributes:
         setup: What a `FlightBatch` of more such flights takes.
@@ -91,6 +114,7 @@ class Simulation:
         *,
         force_law: ForceLaw | None = None,
         shape: ShapeModel | None = None,
+        navigator: Navigator | None = None,
     ) -> None:
         if setup.fault_model is None and setup.properties.n_wheels != 3:
             setup = replace(setup, fault_model=NOTHING)  # telemetry then tells of every wheel
@@ -100,6 +124,7 @@ class Simulation:
         self.impact_watch = None if shape is None else ImpactWatch(shape, setup.environment, setup.period)
         companion = None if shape is None else setup.environment.companion
         self.companion_watch = None if companion is None else CompanionWatch(companion, setup.period)
+        self.navigator = navigator
         self._copy: mujoco.MjData | None = None
 
     @property
@@ -222,6 +247,8 @@ class Simulation:
         self.batch.reset(0, initial)
         for watch in self.watches:
             watch.reset()
+        if self.navigator is not None:
+            self.navigator.reset(self)
 
     def get_state(self) -> dict[str, Any]:
         """All that the flight is between two control periods, a copy that can be pickled; `set_state` goes on from it.
@@ -309,6 +336,7 @@ class Recorder:
     def fly(self) -> FlightSamples:
         """Fly and record every sample."""
         state, start = self._state, self._state.tick
+        self._navigate()
         for row in range(len(self._time)):
             self._fly_to(start + row * self._stride)
             if row == len(self._time) - 1:
@@ -322,13 +350,23 @@ class Recorder:
 
     def _fly_to(self, end: int) -> None:
         """Fly on to the next sample, stopping where impacts are looked for and progress is told of."""
-        state, watches = self._state, self._simulation.watches
+        state, watches, navigator = self._state, self._simulation.watches, self._simulation.navigator
         while state.tick < end:
-            stop = min(end, state.tick + self._slice, self._news_due, *(watch.due for watch in watches))
+            look = NEVER if navigator is None else navigator.due
+            stop = min(end, state.tick + self._slice, self._news_due, look, *(watch.due for watch in watches))
             if stop > state.tick:
                 self._fly_slice(stop - state.tick)
+            self._navigate()
             if state.tick < end:
                 self._decide()
+
+    def _navigate(self) -> None:
+        """Find out where the spacecraft are, where that is due, before the decision of the instant."""
+        navigator = self._simulation.navigator
+        if navigator is not None and self._state.tick >= navigator.due:
+            navigator.look(self._simulation)
+            self._simulation.ask_again()
+            interruption.check()
 
     def _fly_slice(self, periods: int) -> None:
         """Fly on; the next slice is longer or shorter, so that one takes about `SLICE_S`, and ends with a word of progress."""
@@ -410,6 +448,8 @@ class Recorder:
             }
             if sensing.estimating:
                 found |= {"gyro_bias": sensing.gyro_bias, "gyro_bias_estimate": sensing.gyro_bias_estimate}
+        if (navigator := self._simulation.navigator) is not None:
+            found |= navigator.sampled(self._simulation)
         if propulsion is not None:
             found |= {
                 "thrust_N": propulsion.force_N,

@@ -128,12 +128,20 @@ class FlightState:
         """What control laws are given; copied, for a law may keep it."""
         return ControlInput._make((*self.work[LAW_SLOTS], *self._planned, self.period))
 
+    def known(self) -> tuple[Array, Array]:
+        """Positions [m] and velocities [m/s] as the spacecraft know them, copies, shape (n, 3) each."""
+        f = self.flights
+        if not f.guessing[0]:
+            return self.r_N.copy(), self.v_N.copy()
+        return self.r_N + f.off_r_N[0] + (self.time - f.guessed_at[0]) * f.off_v_N[0], self.v_N + f.off_v_N[0]
+
     def view(self) -> SwarmView:
         """What a behaviour is shown; copied, for it may be kept."""
+        r_N, v_N = self.known()
         return SwarmView(
             t=self.time,
-            r_BN_N=self.r_N.copy(),
-            v_BN_N=self.v_N.copy(),
+            r_BN_N=r_N,
+            v_BN_N=v_N,
             C_AN=self.environment.C_AN(self.time),
             q_BN=self.q_BN.copy(),
             omega_BN_B=self.omega_B.copy(),
@@ -149,7 +157,7 @@ class FlightState:
         f = self.flights
         for array in (f.tick, f.stage, f.ask, f.due, f.effort, f.peaks, f.thrust_N, f.torque_N, f.motor, f.resting):
             array[:] = 0
-        f.finite[:], f.last_kind[:], f.last_spacecraft[:] = True, -1, -1
+        f.finite[:], f.last_kind[:], f.last_spacecraft[:], f.guessing[:] = True, -1, -1, False
         self.r_N[:], self.v_N[:], self.q_BN[:] = initial.r_BN_N, initial.v_BN_N, initial.q_BN
         self.omega_B[:], self.wheel_speed[:] = initial.omega_BN_B, initial.wheel_speed
         self.work[Slot.R] = self.r_N

@@ -52,6 +52,10 @@ class Stream(IntEnum):
     NAVIGATION = 15
     BURN = 16
     MOTHERSHIP = 17
+    FIRST_KNOWLEDGE = 18
+    BODY_KNOWLEDGE = 19
+    PICTURE = 20
+    RANGE = 21
 
 
 def stream(seed: int, what: Stream, *numbers: int) -> np.random.Generator:

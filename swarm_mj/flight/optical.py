@@ -1,0 +1,354 @@
+"""Navigation by pictures in a flight: cameras look at the body, filters make of it where the spacecraft are.
+
+Every so often each spacecraft whose camera works takes a picture, by the detector and the light of `pictures`, from where it
+truly is. What it tells is measured against a prediction from where it is believed to be, by the attitude that its star tracker
+and gyro give, and goes into a filter. Known positions less true ones are written into the flight, and whoever decides (guidance,
+behaviours, corrections) is shown the known ones. Aboard the mothership nothing is measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from math import radians
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from swarm_mj.flight.pictures import PictureMaker
+from swarm_mj.flight.plan import Plan
+from swarm_mj.flight.trajectory_corrections import knots
+from swarm_mj.mission.behaviors import looks_at_body
+from swarm_mj.navigation.filter import Acceleration, FilterNoise, SwarmFilter
+from swarm_mj.navigation.measure import measure
+from swarm_mj.navigation.picture import FEWEST_SAMPLES, Fix, Predictor, SeenPicture, edge_error
+from swarm_mj.observation.camera import CameraMotion, CameraPose
+from swarm_mj.observation.capture import Picture
+from swarm_mj.observation.photometry import body_surface
+from swarm_mj.observation.shading import ShadedBody
+from swarm_mj.simulator.faults.dispersions import ARCSEC, Stream, stream
+from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.smallbody.simplify import simplify
+from swarm_mj.spacecraft.mounting import nominal_mount, true_mount
+from swarm_mj.typing import Array
+
+#: White error of an attitude known by star tracker and gyro, over that of one reading of the tracker: 12 of 25 arcsec, see
+#: `schema_sensors`.
+FILTERED = 12.0 / 25.0
+WILD = "too far from what was believed"
+
+
+@dataclass(frozen=True)
+class PictureRecord:
+    """What became of a picture for navigation.
+
+    Attributes:
+        t: When it was taken [s].
+        spacecraft: Whose, by name.
+        kind: How it was measured: `centroid`, `limb`, `landmarks`, or what was tried last; `range` between two spacecraft.
+        why: Why it was not used; empty: it was.
+        nis: Innovation squared over its covariance, where it got that far.
+        dof: Number of its components.
+        diameter_px: Of the body on it.
+    """
+
+    t: float
+    spacecraft: str
+    kind: str
+    why: str = ""
+    nis: float | None = None
+    dof: int = 0
+    diameter_px: float = 0.0
+
+
+@dataclass(eq=False)
+class OpticalNavigator:
+    """Navigates the spacecraft of a plan; see `simulator.simulation.Navigator`.
+
+    Args:
+        plan: What is flown.
+
+    Attributes:
+        due: Tick of the next pictures.
+        records: What became of all pictures so far, in order.
+    """
+
+    plan: Plan
+    due: int = 0
+    records: list[PictureRecord] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Make what the pictures of all flights share."""
+        plan, scenario = self.plan, self.plan.scenario
+        asked = scenario.navigation.optical
+        self._maker = PictureMaker(plan)
+        surface = body_surface(scenario.body)
+        assert surface is not None  # pictures can be made
+        vertices, faces = np.array(plan.shape.vertices), np.array(plan.shape.faces)
+        if asked.model_faces is not None and asked.model_faces < len(faces):
+            model = simplify(vertices, faces.astype(np.int64), asked.model_faces)
+            vertices, faces = model.vertices, model.faces
+        radius = float(np.linalg.norm(vertices, axis=1).max())
+        self._predictor = Predictor(ShadedBody(vertices, faces, surface), radius)
+        sensors = scenario.spacecraft.sensors
+        self._noise = FilterNoise(
+            acceleration=asked.acceleration_m_s15,
+            attitude=FILTERED * sensors.star_tracker_noise_arcsec * ARCSEC,
+            mount=sensors.star_tracker_bias_arcsec * ARCSEC,
+            gm=0.01 * asked.gm_percent,
+            rotation=radians(asked.rotation_deg),
+            spin=0.01 * asked.spin_percent * abs(plan.environment.spin_rate),
+        )
+        self._gm = float(getattr(plan.environment.gravity, "gm", 0.0))
+        period = scenario.control.period_s
+        self._every = max(1, round(asked.interval_s / period))
+        self._burn_ticks: list[int] = []
+        if scenario.trajectory.corrections:
+            times = knots(scenario, plan.deployment.release_s, plan.deployment.arrival_s)[:, 1:-1]
+            self._burn_ticks = sorted({round(float(t) / period) for t in times.ravel()})
+
+    def reset(self, simulation: Simulation) -> None:
+        """Begin a flight: what is known at its start, and of the body, is drawn."""
+        plan, state = self.plan, simulation.state
+        asked, seed, n = plan.scenario.navigation.optical, plan.scenario.seed, plan.n
+        sigma = np.repeat((asked.initial_position_m, asked.initial_velocity_m_s), 3)
+        drawn = np.array([stream(seed, Stream.FIRST_KNOWLEDGE, j).standard_normal(6) for j in range(n)])
+        start = np.hstack((state.r_N, state.v_N)) + sigma * drawn
+        # The truth is the scenario's; what is believed of the body errs.
+        body = stream(seed, Stream.BODY_KNOWLEDGE).standard_normal(5)
+        self._turned, self._spun = self._noise.rotation * body[:3], self._noise.spin * float(body[3])
+        gm_ratio = 1.0 + self._noise.gm * float(body[4])
+        forces, environment = _believed_forces(plan, gm_ratio), plan.environment
+        groups = [list(range(n))] if asked.range_m is not None and n > 1 else [[j] for j in range(n)]
+        P = np.tile(np.diag(sigma**2), (n, 1, 1))
+        self._filters = [
+            SwarmFilter(
+                forces, self._gm * gm_ratio, environment.spin_N, self._noise, 0.0, start[who, :3], start[who, 3:], P[who]
+            )
+            for who in groups
+        ]
+        self._place = {j: (g, who.index(j)) for g, who in enumerate(groups) for j in who}
+        self._waiting: list[_Event] = []
+        self._pushed, self._aboard, self._next = np.zeros((n, 3)), ~state.released.copy(), 0
+        self.due, self.records = 0, []
+        self._write(simulation)
+
+    def look(self, simulation: Simulation) -> None:
+        """Count what the thrusters gave; take pictures and ranges where they are due; write what is known."""
+        tick, t = simulation.tick, simulation.time
+        firing = self._note_pushes(simulation)
+        if tick >= self._next:
+            self._next = tick + self._every
+            late = self.plan.scenario.navigation.optical.delay_s
+            self._waiting += [_Event(t + late, t, j, picture=seen) for j, seen in self._pictures(simulation)]
+            self._waiting += [_Event(t + late, t, i, other=j, range_m=d) for i, j, d in self._ranges(simulation)]
+        self._use_what_is_known_by(t)
+        self._write(simulation)
+        burns = [k for k in self._burn_ticks if k > tick]
+        soon = tick + max(1, round(1.0 / simulation.period)) if firing else self._next
+        self.due = min(self._next, soon, *burns[:1])
+
+    def sampled(self, simulation: Simulation) -> dict[str, NDArray[Any]]:
+        """Estimates and what their filters believe of them."""
+        r_N, v_N = simulation.state.known()
+        return {"r_BN_N_estimate": r_N, "v_BN_N_estimate": v_N, "position_sigma": self._sigma.copy()}
+
+    def record(self) -> list[dict[str, Any]]:
+        """What became of all pictures, as plain data."""
+        return [asdict(one) for one in self.records]
+
+    def _note_pushes(self, simulation: Simulation) -> bool:
+        """Remember changes of velocity since the last look, by thrust or release; whether thrusters fire."""
+        state, propulsion, plan, t = simulation.state, simulation.propulsion, self.plan, simulation.time
+        given = plan.scenario.dispersions
+        for j in np.flatnonzero(self._aboard & state.released):
+            push = plan.deployment.v0_N[j] - plan.deployment.release_mothership_v_N[j]
+            error = given.deployment_velocity_m_s**2 * np.eye(3)
+            self._waiting.append(_Event(t, float(plan.deployment.release_s[j]), int(j), delta_v_N=push, covariance=error))
+        self._aboard &= ~state.released
+        if propulsion is None:
+            return False
+        gained = propulsion.delta_v_N - self._pushed
+        self._pushed = propulsion.delta_v_N.copy()
+        for j in np.flatnonzero(gained.any(axis=1)):
+            dv = gained[j]
+            across = (dv @ dv) * np.eye(3) - np.outer(dv, dv)
+            error = (0.01 * given.burn_magnitude_percent) ** 2 * np.outer(dv, dv)
+            error = error + radians(given.burn_pointing_deg) ** 2 * across
+            self._waiting.append(_Event(t, t, int(j), delta_v_N=dv, covariance=error))
+        return bool(gained.any())
+
+    def _pictures(self, simulation: Simulation) -> list[tuple[int, SeenPicture]]:
+        """The pictures of this instant, as far as cameras work and look at the body."""
+        state, plan, t = simulation.state, self.plan, simulation.time
+        camera, environment = plan.scenario.camera, plan.environment
+        working = simulation.camera_on & state.released & looks_at_body(simulation.state.targets.kind)
+        working[plan.n_observers :] = False
+        C_AN, sun_N = environment.C_AN(t), environment.sun.at(t)
+        q_known = self._known_attitudes(simulation)
+        taken = []
+        for j in np.flatnonzero(working):
+            C_BN = Rotation.from_quat(state.q_BN[j], scalar_first=True).as_matrix().T
+            C_CN = true_mount(camera) @ C_BN
+            omega_C = true_mount(camera) @ state.omega_B[j] - C_CN @ environment.spin_N
+            v_A = C_AN @ (state.v_N[j] - np.cross(environment.spin_N, state.r_N[j]))
+            motion = CameraMotion(v_A, omega_C)
+            picture = Picture(t, int(j), C_AN @ state.r_N[j], C_CN @ C_AN.T, C_AN @ (sun_N - state.r_N[j]), motion)
+            exposed = self._maker.take(picture, fewest=FEWEST_SAMPLES).exposed
+            C_known = nominal_mount(camera.boresight_B) @ Rotation.from_quat(q_known[j], scalar_first=True).as_matrix().T
+            lens, distance = self._maker.lens, float(np.linalg.norm(state.r_N[j]))
+            seen = SeenPicture(
+                signal=exposed.signal,
+                variance=exposed.variance,
+                background=exposed.background_variance,
+                per_factor=exposed.electrons_per_factor,
+                saturated=exposed.saturated,
+                lens=lens,
+                psf_px=camera.detector.psf_sigma_px,
+                edge_px=edge_error(2.0 * self._predictor.radius * lens.focal_px / max(distance, self._predictor.radius)),
+                pose=CameraPose(np.zeros(3), C_known @ C_AN.T @ self._misturned(t).T),
+                sun_A=C_AN @ sun_N,
+            )
+            taken.append((int(j), seen))
+        return taken
+
+    def _misturned(self, t: float) -> Array:
+        """Rotation in A by which the body is believed to be turned otherwise, shape (3, 3)."""
+        environment = self.plan.environment
+        phi_N = self._turned + environment.C_PN[2] * (self._spun * t)
+        return Rotation.from_rotvec(environment.C_AN(t) @ phi_N).as_matrix().T
+
+    def _known_attitudes(self, simulation: Simulation) -> Array:
+        """Attitudes as star tracker and gyro give them, shape (n, 4)."""
+        injection, q_BN = simulation.injection, simulation.state.q_BN
+        if injection is None or not injection.sensing.active:
+            return q_BN
+        known = injection.sensing.knowledge.q_BN
+        return known if np.linalg.norm(known, axis=1).all() else q_BN
+
+    def _ranges(self, simulation: Simulation) -> list[tuple[int, int, float]]:
+        """Ranges between spacecraft in reach of each other that the body does not part, of one group."""
+        scenario, state, t = self.plan.scenario, simulation.state, simulation.time
+        sigma = scenario.navigation.optical.range_m
+        if sigma is None:
+            return []
+        found, r_N = [], state.r_N
+        working = ~state.lost & state.released
+        for i in np.flatnonzero(working):
+            for j in np.flatnonzero(working[i + 1 :]) + i + 1:
+                between = r_N[j] - r_N[i]
+                distance = float(np.linalg.norm(between))
+                along = float(np.clip(-(r_N[i] @ between) / distance**2, 0.0, 1.0))
+                if distance > scenario.link.max_range_m or np.linalg.norm(r_N[i] + along * between) < self._predictor.radius:
+                    continue
+                rng = stream(scenario.seed, Stream.RANGE, int(i), int(j), round(1e3 * t))
+                found.append((int(i), int(j), distance + sigma * float(rng.standard_normal())))
+        return found
+
+    def _use_what_is_known_by(self, t: float) -> None:
+        """Have the filters use, in order of when it happened, what is known by now."""
+        ready = sorted((one for one in self._waiting if one.known_at <= t + 1e-9), key=lambda one: one.t)
+        late = self.plan.scenario.navigation.optical.delay_s
+        # A push after pictures that are still to come waits for them: the filters stand at their time.
+        ready = [one for one in ready if one.t <= t - late + 1e-9]
+        self._waiting = [one for one in self._waiting if not any(one is other for other in ready)]
+        for event in ready:
+            g, j = self._place[event.spacecraft]
+            each = self._filters[g]
+            each.advance(max(event.t, each.t))
+            if event.picture is not None:
+                self._use_picture(event, each, j)
+            elif event.other is not None:
+                update = each.use_range(
+                    j, self._place[event.other][1], event.range_m, self.plan.scenario.navigation.optical.range_m or 0.0
+                )
+                self._note(event, "range", "" if update.accepted else WILD, update.nis, 1)
+            else:
+                assert event.delta_v_N is not None and event.covariance is not None
+                each.push(j, event.delta_v_N, event.covariance)
+        for each in self._filters:
+            each.advance(max(t - late, each.t))
+
+    def _use_picture(self, event: _Event, each: SwarmFilter, j: int) -> None:
+        assert event.picture is not None
+        C_AN = self.plan.environment.C_AN(event.t)
+        # The believed body is turned otherwise than the true one: its frame is that of the believed attitude.
+        believed_AN = self._misturned(event.t) @ C_AN
+        seen = event.picture
+        sun_A = believed_AN @ C_AN.T @ seen.sun_A
+        seen = SeenPicture(**{**seen.__dict__, "sun_A": sun_A}).at(believed_AN @ each.r_N[j])
+        sigma = float(np.sqrt(np.linalg.eigvalsh(each.covariance(j)[:3, :3])[-1]))
+        diameter = self._predictor.diameter_px(seen)
+        fix = measure(seen, self._predictor, self.plan.scenario.navigation.optical, sigma)
+        if not isinstance(fix, Fix):
+            self._note(event, fix.kind, fix.why, None, 0, diameter)
+            return
+        update = each.use_fix(j, fix, believed_AN)
+        self._note(event, fix.kind, "" if update.accepted else WILD, update.nis, update.dof, diameter)
+
+    def _note(
+        self, event: _Event, kind: str, why: str, nis: float | None, dof: int, diameter_px: float = 0.0
+    ) -> None:
+        name = self.plan.names[event.spacecraft]
+        name = name if event.other is None else f"{name}-{self.plan.names[event.other]}"
+        self.records.append(
+            PictureRecord(t=event.t, spacecraft=name, kind=kind, why=why, nis=nis, dof=dof, diameter_px=round(diameter_px, 2))
+        )
+
+    def _write(self, simulation: Simulation) -> None:
+        """Tell the flight what is known."""
+        flights, state, t = simulation.state.flights, simulation.state, simulation.time
+        if all(each.t >= t - 1e-9 for each in self._filters) and not self._waiting:
+            now = self._filters
+        else:
+            now = [each.coast(t, [one for one in self._pushes(g)]) for g, each in enumerate(self._filters)]
+        self._sigma = np.empty(self.plan.n)
+        for j, (g, own) in self._place.items():
+            flights.off_r_N[0, j] = now[g].r_N[own] - state.r_N[j]
+            flights.off_v_N[0, j] = now[g].v_N[own] - state.v_N[j]
+            self._sigma[j] = np.sqrt(np.linalg.eigvalsh(now[g].covariance(own)[:3, :3])[-1].clip(0.0))
+        flights.guessed_at[0], flights.guessing[0] = t, True
+
+    def _pushes(self, g: int) -> list[tuple[float, int, Array]]:
+        """Changes of velocity of a group that its filter does not know yet."""
+        return [
+            (one.t, self._place[one.spacecraft][1], one.delta_v_N)
+            for one in sorted(self._waiting, key=lambda one: one.t)
+            if one.delta_v_N is not None and self._place[one.spacecraft][0] == g
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Event:
+    """Something for a filter: a picture, a range or a change of velocity.
+
+    Attributes:
+        known_at: When it may be used [s].
+        t: When it happened [s].
+        spacecraft: Whose, from 0.
+    """
+
+    known_at: float
+    t: float
+    spacecraft: int
+    picture: SeenPicture | None = None
+    other: int | None = None
+    range_m: float = 0.0
+    delta_v_N: Array | None = None
+    covariance: Array | None = None
+
+
+def _believed_forces(plan: Plan, gm_ratio: float) -> Acceleration:
+    """Forces with a body that pulls otherwise by a share."""
+    environment = plan.environment
+    if gm_ratio == 1.0:
+        return environment.acceleration_N
+
+    def believed(t: float, r_N: Array) -> Array:
+        C_AN = environment.C_AN(t)
+        pull: Array = environment.attraction_A(r_N @ C_AN.T) @ C_AN
+        total: Array = environment.acceleration_N(t, r_N) + (gm_ratio - 1.0) * pull
+        return total
+
+    return believed
