@@ -20,6 +20,7 @@ ORDER = (
     ("dataflow",),
     ("simulator",),
     ("observation",),
+    ("navigation",),
     ("coordination",),
     ("flight",),
     ("designer",),
@@ -48,6 +49,7 @@ WITHOUT_MUJOCO = (
     "dataflow",
     "simulator/faults",
     "observation",
+    "navigation",
     "coordination",
 )
 #: Names with an underscore that their libraries document (NamedTuple), or offer no public name for.

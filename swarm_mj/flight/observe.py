@@ -298,7 +298,10 @@ class LooksTaken:
         region, camera, surface = self._observer.region, self._scenario.camera, body_surface(self._scenario.body)
         if surface is None or not any("min_snr" in each.needs for each in self._classes):
             return np.nan
-        distance, range_m = float(np.linalg.norm(picture.sun_A)), np.linalg.norm(picture.r_A - region.centroid_A[cells], axis=1)
+        distance, range_m = (
+            float(np.linalg.norm(picture.sun_A)),
+            np.linalg.norm(picture.r_A - region.centroid_A[cells], axis=1),
+        )
         to_camera = (picture.r_A - region.centroid_A[cells]) / range_m[:, None]
         to_sun, normal = picture.sun_A / distance, region.normal_A[cells]
         cosines = normal @ to_sun, np.einsum("ck,ck->c", normal, to_camera), to_camera @ to_sun

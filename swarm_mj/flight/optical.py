@@ -2,8 +2,8 @@
 
 Every so often each spacecraft whose camera works takes a picture, by the detector and the light of `pictures`, from where it
 truly is. What it tells is measured against a prediction from where it is believed to be, by the attitude that its star tracker
-and gyro give, and goes into a filter. Known positions less true ones are written into the flight, and whoever decides (guidance,
-behaviours, corrections) is shown the known ones. Aboard the mothership nothing is measured.
+and gyro give, and goes into a filter. Known positions less true ones are written into the flight, and whoever decides
+(guidance, behaviours, corrections) is shown the known ones. Aboard the mothership nothing is measured.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from swarm_mj.observation.camera import CameraMotion, CameraPose
 from swarm_mj.observation.capture import Picture
 from swarm_mj.observation.photometry import body_surface
 from swarm_mj.observation.shading import ShadedBody
+from swarm_mj.scenarios.schema_navigation import OpticalNavigation
 from swarm_mj.simulator.faults.dispersions import ARCSEC, Stream, stream
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.smallbody.simplify import simplify
@@ -36,6 +37,10 @@ from swarm_mj.typing import Array
 #: White error of an attitude known by star tracker and gyro, over that of one reading of the tracker: 12 of 25 arcsec, see
 #: `schema_sensors`.
 FILTERED = 12.0 / 25.0
+#: Least time between two pictures of a spacecraft for navigation [s].
+SHORTEST_S = 1.0
+#: What is known at first where the scenario does not say: shares of distance and speed, and at most [m, m/s].
+FIRST_SHARE, FIRST_MOST = 0.01, (1e5, 0.1)
 WILD = "too far from what was believed"
 
 
@@ -88,7 +93,7 @@ class OpticalNavigator:
         vertices, faces = np.array(plan.shape.vertices), np.array(plan.shape.faces)
         if asked.model_faces is not None and asked.model_faces < len(faces):
             model = simplify(vertices, faces.astype(np.int64), asked.model_faces)
-            vertices, faces = model.vertices, model.faces
+            vertices, faces = model.vertices, model.faces.astype(np.int32)
         radius = float(np.linalg.norm(vertices, axis=1).max())
         self._predictor = Predictor(ShadedBody(vertices, faces, surface), radius)
         sensors = scenario.spacecraft.sensors
@@ -102,7 +107,6 @@ class OpticalNavigator:
         )
         self._gm = float(getattr(plan.environment.gravity, "gm", 0.0))
         period = scenario.control.period_s
-        self._every = max(1, round(asked.interval_s / period))
         self._burn_ticks: list[int] = []
         if scenario.trajectory.corrections:
             times = knots(scenario, plan.deployment.release_s, plan.deployment.arrival_s)[:, 1:-1]
@@ -112,7 +116,7 @@ class OpticalNavigator:
         """Begin a flight: what is known at its start, and of the body, is drawn."""
         plan, state = self.plan, simulation.state
         asked, seed, n = plan.scenario.navigation.optical, plan.scenario.seed, plan.n
-        sigma = np.repeat((asked.initial_position_m, asked.initial_velocity_m_s), 3)
+        sigma = first_sigmas(asked, state.r_N, state.v_N)
         drawn = np.array([stream(seed, Stream.FIRST_KNOWLEDGE, j).standard_normal(6) for j in range(n)])
         start = np.hstack((state.r_N, state.v_N)) + sigma * drawn
         # The truth is the scenario's; what is believed of the body errs.
@@ -121,10 +125,17 @@ class OpticalNavigator:
         gm_ratio = 1.0 + self._noise.gm * float(body[4])
         forces, environment = _believed_forces(plan, gm_ratio), plan.environment
         groups = [list(range(n))] if asked.range_m is not None and n > 1 else [[j] for j in range(n)]
-        P = np.tile(np.diag(sigma**2), (n, 1, 1))
+        P = np.array([np.diag(each**2) for each in sigma])
         self._filters = [
             SwarmFilter(
-                forces, self._gm * gm_ratio, environment.spin_N, self._noise, 0.0, start[who, :3], start[who, 3:], P[who]
+                forces,
+                self._gm * gm_ratio,
+                environment.spin_N,
+                self._noise,
+                0.0,
+                start[who, :3],
+                start[who, 3:],
+                P[who],
             )
             for who in groups
         ]
@@ -139,7 +150,7 @@ class OpticalNavigator:
         tick, t = simulation.tick, simulation.time
         firing = self._note_pushes(simulation)
         if tick >= self._next:
-            self._next = tick + self._every
+            self._next = tick + self._ticks_to_next(simulation)
             late = self.plan.scenario.navigation.optical.delay_s
             self._waiting += [_Event(t + late, t, j, picture=seen) for j, seen in self._pictures(simulation)]
             self._waiting += [_Event(t + late, t, i, other=j, range_m=d) for i, j, d in self._ranges(simulation)]
@@ -158,6 +169,13 @@ class OpticalNavigator:
         """What became of all pictures, as plain data."""
         return [asdict(one) for one in self.records]
 
+    def _ticks_to_next(self, simulation: Simulation) -> int:
+        """Control periods until the next pictures."""
+        asked, (r_N, v_N) = self.plan.scenario.navigation.optical, simulation.state.known()
+        passing = np.linalg.norm(r_N, axis=1) / np.maximum(np.linalg.norm(v_N, axis=1), 1e-9)
+        seconds = max(min(asked.interval_s, asked.interval_share * float(passing.min())), SHORTEST_S)
+        return max(1, round(seconds / simulation.period))
+
     def _note_pushes(self, simulation: Simulation) -> bool:
         """Remember changes of velocity since the last look, by thrust or release; whether thrusters fire."""
         state, propulsion, plan, t = simulation.state, simulation.propulsion, self.plan, simulation.time
@@ -165,7 +183,9 @@ class OpticalNavigator:
         for j in np.flatnonzero(self._aboard & state.released):
             push = plan.deployment.v0_N[j] - plan.deployment.release_mothership_v_N[j]
             error = given.deployment_velocity_m_s**2 * np.eye(3)
-            self._waiting.append(_Event(t, float(plan.deployment.release_s[j]), int(j), delta_v_N=push, covariance=error))
+            self._waiting.append(
+                _Event(t, float(plan.deployment.release_s[j]), int(j), delta_v_N=push, covariance=error)
+            )
         self._aboard &= ~state.released
         if propulsion is None:
             return False
@@ -196,7 +216,9 @@ class OpticalNavigator:
             motion = CameraMotion(v_A, omega_C)
             picture = Picture(t, int(j), C_AN @ state.r_N[j], C_CN @ C_AN.T, C_AN @ (sun_N - state.r_N[j]), motion)
             exposed = self._maker.take(picture, fewest=FEWEST_SAMPLES).exposed
-            C_known = nominal_mount(camera.boresight_B) @ Rotation.from_quat(q_known[j], scalar_first=True).as_matrix().T
+            C_known = (
+                nominal_mount(camera.boresight_B) @ Rotation.from_quat(q_known[j], scalar_first=True).as_matrix().T
+            )
             lens, distance = self._maker.lens, float(np.linalg.norm(state.r_N[j]))
             seen = SeenPicture(
                 signal=exposed.signal,
@@ -206,7 +228,9 @@ class OpticalNavigator:
                 saturated=exposed.saturated,
                 lens=lens,
                 psf_px=camera.detector.psf_sigma_px,
-                edge_px=edge_error(2.0 * self._predictor.radius * lens.focal_px / max(distance, self._predictor.radius)),
+                edge_px=edge_error(
+                    2.0 * self._predictor.radius * lens.focal_px / max(distance, self._predictor.radius)
+                ),
                 pose=CameraPose(np.zeros(3), C_known @ C_AN.T @ self._misturned(t).T),
                 sun_A=C_AN @ sun_N,
             )
@@ -233,14 +257,14 @@ class OpticalNavigator:
         sigma = scenario.navigation.optical.range_m
         if sigma is None:
             return []
-        found, r_N = [], state.r_N
+        found, r_N, most_m = [], state.r_N, scenario.link.max_range_m or np.inf
         working = ~state.lost & state.released
         for i in np.flatnonzero(working):
             for j in np.flatnonzero(working[i + 1 :]) + i + 1:
                 between = r_N[j] - r_N[i]
                 distance = float(np.linalg.norm(between))
                 along = float(np.clip(-(r_N[i] @ between) / distance**2, 0.0, 1.0))
-                if distance > scenario.link.max_range_m or np.linalg.norm(r_N[i] + along * between) < self._predictor.radius:
+                if distance > most_m or np.linalg.norm(r_N[i] + along * between) < self._predictor.radius:
                     continue
                 rng = stream(scenario.seed, Stream.RANGE, int(i), int(j), round(1e3 * t))
                 found.append((int(i), int(j), distance + sigma * float(rng.standard_normal())))
@@ -287,13 +311,13 @@ class OpticalNavigator:
         update = each.use_fix(j, fix, believed_AN)
         self._note(event, fix.kind, "" if update.accepted else WILD, update.nis, update.dof, diameter)
 
-    def _note(
-        self, event: _Event, kind: str, why: str, nis: float | None, dof: int, diameter_px: float = 0.0
-    ) -> None:
+    def _note(self, event: _Event, kind: str, why: str, nis: float | None, dof: int, diameter_px: float = 0.0) -> None:
         name = self.plan.names[event.spacecraft]
         name = name if event.other is None else f"{name}-{self.plan.names[event.other]}"
         self.records.append(
-            PictureRecord(t=event.t, spacecraft=name, kind=kind, why=why, nis=nis, dof=dof, diameter_px=round(diameter_px, 2))
+            PictureRecord(
+                t=event.t, spacecraft=name, kind=kind, why=why, nis=nis, dof=dof, diameter_px=round(diameter_px, 2)
+            )
         )
 
     def _write(self, simulation: Simulation) -> None:
@@ -337,6 +361,18 @@ class _Event:
     range_m: float = 0.0
     delta_v_N: Array | None = None
     covariance: Array | None = None
+
+
+def first_sigmas(asked: OpticalNavigation, r_N: Array, v_N: Array) -> Array:
+    """What is known at the start, 1 sigma of each component of the states, shape (n, 6) [m, m/s]."""
+    found = np.empty((len(r_N), 6))
+    for given, most, of, columns in (
+        (asked.initial_position_m, FIRST_MOST[0], r_N, slice(0, 3)),
+        (asked.initial_velocity_m_s, FIRST_MOST[1], v_N, slice(3, 6)),
+    ):
+        share = np.minimum(FIRST_SHARE * np.linalg.norm(of, axis=1), most)
+        found[:, columns] = (share if given is None else np.full(len(of), given))[:, None]
+    return found
 
 
 def _believed_forces(plan: Plan, gm_ratio: float) -> Acceleration:

@@ -57,12 +57,13 @@ def measure_centroid(seen: SeenPicture, predictor: Predictor, *, model_share: fl
     R = (away * seen.variance[rows, columns, None]).T @ away / region.flux**2
     if region.flux < LEAST_SIGNAL_TO_NOISE * np.sqrt(seen.variance[region.mask].sum()):
         return Rejected("centroid", "too faint")
-    believed, moved = seen, np.zeros(3)
+    believed, moved, expected = seen, np.zeros(3), np.zeros(2)
     for _ in range(ROUNDS):
         believed = seen.at(seen.pose.r_A + moved)
-        expected = _expected(believed, predictor)
-        if expected is None:
+        centre = _expected(believed, predictor)
+        if centre is None:
             return Rejected("centroid", "the predicted picture is dark, or the body is believed to reach out of it")
+        expected = centre
         centre_C = believed.pose.to_camera(np.zeros(3))
         J = seen.lens.pixel_jacobian(centre_C)
         missed = region.centre - expected
@@ -96,4 +97,3 @@ def turning(J: Array, point_C: Array) -> Array:
     x, y, z = point_C
     # Turned by theta, the camera sees p - theta x p.
     return J @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-

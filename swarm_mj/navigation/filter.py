@@ -214,7 +214,7 @@ class SwarmFilter:
         """Put a square root of wide wide^T in the place of S."""
         keep = self._active
         S = np.zeros_like(self.S)
-        S[np.ix_(keep, keep)] = np.linalg.qr(wide[keep].T, mode="r").T[:, : len(keep)]
+        S[np.ix_(keep, keep)] = _triangle(wide[keep])[:, : len(keep)]
         self.S = S
 
     def push(self, j: int, delta_v_N: Array, covariance: Array) -> None:
@@ -265,7 +265,7 @@ class SwarmFilter:
             return Update(nis, m, False)
         array = np.zeros((m + len(keep), m + len(keep)))
         array[:m, :m], array[:m, m:], array[m:, m:] = _root(R), HS, S
-        triangle = np.linalg.qr(array.T, mode="r").T
+        triangle = _triangle(array)
         gain = triangle[m:, :m] @ np.linalg.solve(triangle[:m, :m], y)
         self.x[keep] += gain
         self.S[np.ix_(keep, keep)] = triangle[m:, m:]
@@ -286,6 +286,12 @@ class SwarmFilter:
             copy.x[OWN * j + 3 : OWN * j + 6] += delta_v_N
         copy.advance(t)
         return copy
+
+
+def _triangle(wide: Array) -> Array:
+    """Lower triangular root of wide wide^T."""
+    upper: Array = np.linalg.qr(wide.T, mode="r")  # type: ignore[assignment]
+    return upper.T
 
 
 def _root(covariance: Array) -> Array:

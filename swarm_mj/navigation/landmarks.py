@@ -7,7 +7,7 @@ fits by least squares (Lucas and Kanade 1981). Where a landmark lies on the body
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -15,23 +15,28 @@ from scipy import ndimage
 from swarm_mj.errors import NavigationError
 from swarm_mj.navigation.centroid import turning
 from swarm_mj.navigation.picture import Fix, Predictor, Rejected, SeenPicture, without_hot_pixels
-from swarm_mj.typing import Array, Mask
+from swarm_mj.typing import Array, Ints, Mask
 
 #: Half the side of a patch [px], and the least distance between two landmarks.
 HALF, APART = 10, 14
 #: Landmarks at most, and the fewest with which a position is believed.
 MOST, LEAST = 40, 6
-#: Correlation below which a landmark is not believed.
-LEAST_CORRELATION = 0.7
+#: Correlation below which a landmark is not believed, and by how much it must exceed that of any other place.
+LEAST_CORRELATION, DISTINCT = 0.8, 0.05
+#: Largest error of a landmark along any direction, 1 sigma [px]; along an edge it would be larger.
+LARGEST_PX = 1.0
+#: Share of the landmarks that must agree, and how well: median of their distances from where the fit puts them [px].
+SHARE, AGREE_PX = 0.6, 1.0
 #: Error of a landmark besides what its own patch tells, 1 sigma [px].
 FLOOR = 0.02
-#: Residuals of a patch are alike over so many pixels along each side, so that they tell less than they are many; of terrain that
-#: the model lacks.
-ALIKE_PX = 3.0
+#: What cubic interpolation leaves of the variance of noise, on the mean over all places between pixels.
+CUBIC = 0.75
+#: Residuals of a patch by terrain that the model lacks are alike over so many pixels along each side: measured on rough Eros.
+ALIKE_PX = 9.0
 OUTLIER = 4.0
 ROUNDS = 3
-#: Landmarks are looked for so near [px]; pictures that may be farther off are first aligned, with pixels so coarse that it is not
-#: more than `COARSE_PX` of them, and as much alike.
+#: Landmarks are looked for so near [px]. Pictures that may be farther off are aligned first, by pixels so coarse that it is not
+#: more than so many of them, and must then be as much alike.
 NEAR_PX, COARSE_PX, ALIGNED = 12.0, 24.0, 0.6
 
 
@@ -70,10 +75,12 @@ def measure_landmarks(
         if isinstance(aside, Rejected):
             return aside
         believed, search = seen.at(seen.pose.r_A + aside), NEAR_PX
+    last: Found | None = None
     for k in range(ROUNDS):
         found = find_landmarks(believed, predictor, signal, search)
         if isinstance(found, Rejected):
             return found
+        last = found
         solved = _position(believed, found, floor_px)
         if isinstance(solved, Rejected):
             return solved
@@ -84,12 +91,13 @@ def measure_landmarks(
             break
         search = min(search, 4.0)
     # A turn of the camera moves all landmarks as one; what position would do the same follows from the fit.
-    turn = _turn_as_position(believed, found, P, floor_px)
+    assert last is not None  # there are rounds
+    turn = _turn_as_position(believed, last, floor_px)
     return Fix("landmarks", believed.pose.r_A - start, np.eye(3), P, turn, count)
 
 
 def _align(seen: SeenPicture, predictor: Predictor, signal: Array, search_px: float) -> Array | Rejected:
-    """How far aside the camera is [m], in A, by the middle of a coarse predicted picture in a coarse one, to a pixel of theirs."""
+    """How far aside the camera is [m], in A, by the middle of a coarse predicted picture in a coarse one, to their pixel."""
     predicted = predictor.predict(seen, depths=True, fewest=2)
     assert predicted.face is not None and predicted.depth is not None
     scale = max(1, int(search_px / COARSE_PX))
@@ -123,7 +131,7 @@ def find_landmarks(seen: SeenPicture, predictor: Predictor, signal: Array, searc
     places = _choose(predicted.signal, predicted.face >= 0)
     if len(places) < LEAST:
         return Rejected("landmarks", f"{len(places)} places with enough relief, fewer than {LEAST}")
-    match = _template_matcher()
+    match, splined = _template_matcher(), ndimage.spline_filter(signal, 3, mode="nearest")
     radius = int(np.ceil(search_px))
     kept, shifts, covariances = [], [], []
     for column, row in places:
@@ -135,10 +143,11 @@ def find_landmarks(seen: SeenPicture, predictor: Predictor, signal: Array, searc
             continue
         score = match(area, patch)
         best = np.unravel_index(int(np.argmax(score)), score.shape)
-        if not score[best] >= LEAST_CORRELATION or 0 in best or best[0] == score.shape[0] - 1 or best[1] == score.shape[1] - 1:
+        edge = 0 in best or best[0] == score.shape[0] - 1 or best[1] == score.shape[1] - 1
+        if edge or not score[best] >= LEAST_CORRELATION or _is_ambiguous(score, best):
             continue
         rough = np.array([low[1] + best[1] + HALF - column, low[0] + best[0] + HALF - row], np.float64)
-        refined = _refine(predicted.signal, signal, seen.variance, column, row, rough)
+        refined = _refine(predicted.signal, signal, splined, seen.variance, seen.edge_px, column, row, rough)
         if refined is not None:
             kept.append((column, row))
             shifts.append(refined[0])
@@ -151,9 +160,22 @@ def find_landmarks(seen: SeenPicture, predictor: Predictor, signal: Array, searc
     return Found(place, np.array(shifts), np.array(covariances), points)
 
 
-def _choose(predicted: Array, solid: Mask) -> Array:
+def _gradient(picture: Array) -> tuple[Array, Array]:
+    """How a picture changes along rows and columns, same shape each."""
+    down, across = np.gradient(picture)
+    return np.asarray(down), np.asarray(across)
+
+
+def _is_ambiguous(score: Array, best: tuple[Any, ...]) -> bool:
+    """Whether another peak of a correlation is nearly as high as the highest."""
+    peaks = (score == ndimage.maximum_filter(score, 3)) & (score > score[best] - DISTINCT)
+    peaks[max(best[0] - 2, 0) : best[0] + 3, max(best[1] - 2, 0) : best[1] + 3] = False
+    return bool(peaks.any())
+
+
+def _choose(predicted: Array, solid: Mask) -> Ints:
     """Pixels (column, row) with the most relief, none near another, the picture's edge or the sky; shape (n, 2)."""
-    gy, gx = np.gradient(predicted)
+    gy, gx = _gradient(predicted)
     size = 2 * HALF + 3
     xx, yy, xy = (ndimage.uniform_filter(each, size) for each in (gx * gx, gy * gy, gx * gy))
     least = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
@@ -176,23 +198,33 @@ def _choose(predicted: Array, solid: Mask) -> Array:
 
 
 def _refine(
-    predicted: Array, signal: Array, variance: Array, column: int, row: int, shift: Array
+    predicted: Array,
+    signal: Array,
+    splined: Array,
+    variance: Array,
+    edge_px: float,
+    column: int,
+    row: int,
+    shift: Array,
 ) -> tuple[Array, Array] | None:
     """Shift by fractions of a pixel [px], and its covariance [px^2], of a patch about a pixel; None: it does not converge."""
     rows, columns = np.mgrid[row - HALF : row + HALF + 1, column - HALF : column + HALF + 1].astype(np.float64)
     patch = predicted[row - HALF : row + HALF + 1, column - HALF : column + HALF + 1]
-    gy, gx = np.gradient(predicted[row - HALF - 1 : row + HALF + 2, column - HALF - 1 : column + HALF + 2])
+    gy, gx = _gradient(predicted[row - HALF - 1 : row + HALF + 2, column - HALF - 1 : column + HALF + 2])
     basis = np.stack((-gx[1:-1, 1:-1].ravel(), -gy[1:-1, 1:-1].ravel(), patch.ravel(), np.ones(patch.size)), axis=1)
     normal = basis.T @ basis
-    if np.linalg.cond(normal / np.outer(*(2 * (np.sqrt(np.diag(normal)) + 1e-300,)))) > 1e10:
+    size = np.sqrt(np.diag(normal)) + 1e-300
+    if np.linalg.cond(normal / np.outer(size, size)) > 1e10:
         return None
     inverse = np.linalg.inv(normal)
     at = shift.copy()
-    left, gain = np.zeros(patch.size), 1.0
+    left, gain, fit = np.zeros(patch.size), 1.0, np.zeros(4)
     for _ in range(8):
-        moved = ndimage.map_coordinates(signal, (rows + at[1], columns + at[0]), order=1, mode="nearest").ravel()
-        fit = inverse @ (basis.T @ moved)
-        gain = fit[2]
+        moved = ndimage.map_coordinates(
+            splined, (rows + at[1], columns + at[0]), order=3, mode="nearest", prefilter=False
+        ).ravel()
+        fit = np.asarray(inverse @ (basis.T @ moved))
+        gain = float(fit[2])
         if not gain > 0.0:
             return None
         step = fit[:2] / gain
@@ -204,16 +236,18 @@ def _refine(
         return None
     if np.abs(at - shift).max() > 2.0:
         return None
-    noise = variance[
-        np.clip((rows + at[1]).astype(np.int64), 0, signal.shape[0] - 1),
-        np.clip((columns + at[0]).astype(np.int64), 0, signal.shape[1] - 1),
-    ].ravel()
-    scatter = (basis * noise[:, None]).T @ basis
-    by_noise = (inverse @ scatter @ inverse)[:2, :2] / gain**2
-    # What is left beyond the noise is terrain, alike from pixel to pixel.
-    beyond = max(float(left @ left) / len(left) - float(noise.mean()) * 4.0 / 9.0, 0.0)
-    by_terrain = ALIKE_PX**2 * beyond * inverse[:2, :2] / gain**2
-    return at, by_noise + by_terrain
+    top, left_of = int(np.rint(row - HALF + at[1])), int(np.rint(column - HALF + at[0]))
+    side = 2 * HALF + 1
+    if top < 0 or left_of < 0 or top + side > signal.shape[0] or left_of + side > signal.shape[1]:
+        return None
+    noise = variance[top : top + side, left_of : left_of + side].ravel()
+    own = (inverse @ basis.T)[:2] / gain
+    by_noise = (own * noise) @ own.T
+    # What is left beyond the noise, and the samples that pictures are made of, is terrain, alike from pixel to pixel.
+    edges = 2.0 * edge_px**2 * float((gx[1:-1, 1:-1] ** 2 + gy[1:-1, 1:-1] ** 2).mean())
+    beyond = max(float(left @ left) / len(left) - CUBIC * float(noise.mean()) - edges, 0.0)
+    covariance = by_noise + ALIKE_PX**2 * beyond * inverse[:2, :2] / gain**2
+    return (at, covariance) if np.linalg.eigvalsh(covariance)[-1] < LARGEST_PX**2 else None
 
 
 def _position(seen: SeenPicture, found: Found, floor_px: float) -> tuple[Array, Array, int] | Rejected:
@@ -235,6 +269,8 @@ def _position(seen: SeenPicture, found: Found, floor_px: float) -> tuple[Array, 
         scale = max(float(np.median(size)) / 0.8326, 1.0)  # of two components, the median is sqrt(ln 2)
         kept = size < OUTLIER * scale
         if kept.all():
+            if len(chosen) < SHARE * len(found.shift) or float(np.median(np.linalg.norm(left, axis=1))) > AGREE_PX:
+                return Rejected("landmarks", "the landmarks contradict each other")
             # Landmarks that scatter more than they say are believed less.
             more = max(float((size**2).sum()) * 2.0 / (2 * len(chosen) - 3), 1.0)
             return dr, more * 0.5 * (P + P.T), len(chosen)
@@ -242,7 +278,7 @@ def _position(seen: SeenPicture, found: Found, floor_px: float) -> tuple[Array, 
     return Rejected("landmarks", "no landmarks agree")
 
 
-def _turn_as_position(seen: SeenPicture, found: Found, P: Array, floor_px: float) -> Array:
+def _turn_as_position(seen: SeenPicture, found: Found, floor_px: float) -> Array:
     weight = np.linalg.inv(found.covariance + floor_px**2 * np.eye(2))
     J = seen.lens.pixel_jacobian(found.points_C)
     slopes = -J @ seen.pose.C_CA

@@ -4,10 +4,10 @@ Of any shape, pixels of a band about the lit limb of a predicted picture are fit
 predicted one, times a gain, moved with the position by its own slopes. That begins with both pictures blurred, so that the limb
 may be some pixels off, and ends with them as they are; whatever shape, shading, faces and pixels do to an edge cancels.
 
-Of ellipsoids it follows without a prediction (Christian and Robinson 2016, JGCD 39, 2757, "Noniterative horizon-based optical
-navigation by Cholesky factorization") by points of the limb alone: with A the matrix of the ellipsoid in C and U^T U = A, lines of sight s to the limb
-touch a unit sphere after the change of scale, U s / |U s| = s', and s'^T n = 1 gives n, and the position r = -U^-1 n /
-sqrt(n^T n - 1) of the camera relative to the centre. Points of the limb are where rays from the centre of brightness leave the
+Of ellipsoids it follows by points of the limb alone (Christian and Robinson 2016, JGCD 39, 2757, "Noniterative horizon-based
+optical navigation by Cholesky factorization"): with A the matrix of the ellipsoid in C and U^T U = A, lines of sight s to the
+limb touch a unit sphere after the change of scale, U s / |U s| = s', and s'^T n = 1 gives n, and the position of the camera
+relative to the centre r = -U^-1 n / sqrt(n^T n - 1). Points of the limb are where rays from the centre of brightness leave the
 light: an edge (a + b t + c x) inside, nothing outside, spread by a Gaussian, t and x along and across its normal. Brightness
 that falls towards the limb puts an edge somewhat inside; by how much, the same edges tell on a predicted picture.
 """
@@ -183,7 +183,7 @@ def measure_limb(seen: SeenPicture, predictor: Predictor, *, model_px: float = 0
     Args:
         seen: The picture.
         predictor: Predicts it.
-        model_px: Error of the model's limb, 1 sigma of each of its places about `ALIKE_PX` apart [px]; 0: the model is the body.
+        model_px: Error of the model's limb, 1 sigma at places `ALIKE_PX` apart [px]; 0: the model is the body.
     """
     signal = without_hot_pixels(seen)
     region = find_region(signal, seen.background, seen.psf_px)
@@ -224,7 +224,7 @@ def measure_limb(seen: SeenPicture, predictor: Predictor, *, model_px: float = 0
     if solved.misfit > MISFIT:
         return Rejected("limb", "the limb does not look like the model's")
     turn = -seen.pose.C_CA.T @ _cross(believed.pose.to_camera(np.zeros(3)))
-    return Fix("limb", believed.pose.r_A - start, np.eye(3), solved.P, turn, solved.count)
+    return Fix("limb", believed.pose.r_A - start, np.eye(3), solved.P, turn, solved.used)
 
 
 def _cross(v: Array) -> Array:
@@ -236,7 +236,7 @@ class _Fitted(NamedTuple):
 
     dr: Array
     P: Array
-    count: int
+    used: int
     misfit: float
 
 
@@ -258,7 +258,8 @@ def _match_pixels(
     basis = np.column_stack((light, basis))
     variance = np.maximum(light, 0.0) + seen.background + (seen.edge_px * slope) ** 2
     chosen = ~seen.saturated[band]
-    residual, fit, used = np.zeros(len(light)), np.zeros(4), chosen
+    residual: Array = np.zeros(len(light))
+    fit, used = np.zeros(4), chosen
     for _ in range(3):
         used, B, w = chosen, basis[chosen], 1.0 / variance[chosen]
         info = (B * w[:, None]).T @ B
@@ -266,7 +267,7 @@ def _match_pixels(
         if not (scale > 0.0).all() or np.linalg.cond(info / np.outer(scale, scale)) > 1e10:
             return Rejected("limb", "the limb does not determine a position")
         fit = np.linalg.solve(info, (B * w[:, None]).T @ signal[band][chosen])
-        residual = signal[band] - basis @ fit
+        residual = np.asarray(signal[band] - basis @ fit)
         left = residual / np.sqrt(variance)
         kept = ~seen.saturated[band] & (np.abs(left) < 6.0 * max(1.4826 * float(np.median(np.abs(left[chosen]))), 1.0))
         if (kept == chosen).all():
@@ -310,9 +311,7 @@ def _drawn_slopes(seen: SeenPicture, predictor: Predictor) -> tuple[Array, Array
     found, angle = [], SHIFT_PX / seen.lens.focal_px
     for turn in (np.array([0.0, angle, 0.0]), np.array([-angle, 0.0, 0.0])):
         # The camera turned by this, the picture moves to the left or up, so that a pixel shows what was right of it or below.
-        ahead, behind = (
-            predictor.predict(seen.turned(side * turn)).signal for side in (1.0, -1.0)
-        )
+        ahead, behind = (predictor.predict(seen.turned(side * turn)).signal for side in (1.0, -1.0))
         found.append((ahead - behind) / (2.0 * SHIFT_PX))
     return found[0], found[1]
 
@@ -320,7 +319,7 @@ def _drawn_slopes(seen: SeenPicture, predictor: Predictor) -> tuple[Array, Array
 def _slopes(
     seen: SeenPicture, predicted: Prediction, band: Mask, across_down: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """How the pixels of a band change with the position in C [electrons/m], shape (n, 3), and along the picture [1/px], (n,)."""
+    """How the pixels of a band change with the position in C [electrons/m], (n, 3), and along the picture [1/px], (n,)."""
     assert predicted.depth is not None
     box = box_of(band, 4)
     assert box is not None  # pixels were found
@@ -350,7 +349,9 @@ def _band(seen: SeenPicture, predicted: Prediction, width: int) -> Mask:
     # Lit: light within the band's width.
     near = ndimage.maximum_filter(predicted.signal[box], 2 * width + 1)
     bright = 0.1 * float(np.quantile(predicted.signal[solid], 0.9))
-    band[box] = rim & (near > max(bright, 3.0 * np.sqrt(seen.background))) & np.isfinite(np.where(solid[box], inside, outside))
+    band[box] = (
+        rim & (near > max(bright, 3.0 * np.sqrt(seen.background))) & np.isfinite(np.where(solid[box], inside, outside))
+    )
     return band
 
 
@@ -410,7 +411,8 @@ def measure_horizon(
     region = find_region(signal, seen.background, seen.psf_px)
     if region is None:
         return Rejected("horizon", "no light above the noise")
-    C_CA, believed, fit = seen.pose.C_CA, seen, Rejected("horizon", "no fit")
+    C_CA, believed = seen.pose.C_CA, seen
+    fit: tuple[Horizon, int] | None = None
     ellipsoid_C = C_CA @ np.diag(1.0 / np.asarray(semi_axes, np.float64) ** 2) @ C_CA.T
     level = _light_level(signal, region, seen.background)
     for _ in range(HORIZON_ROUNDS):
@@ -419,13 +421,16 @@ def measure_horizon(
         found = find_edges(signal, seen.variance, region.centre, directions, seen.psf_px, level)
         bias, known = _edge_bias(believed, predictor, directions, ellipsoid_C)
         places = found.place - bias[:, None] * found.normal
-        fit = _fit_horizon(seen, places[found.valid & known], found.sigma[found.valid & known], ellipsoid_C, edge_px)
-        if isinstance(fit, Rejected):
-            return fit
+        chosen = found.valid & known
+        solved = _fit_horizon(seen, places[chosen], found.sigma[chosen], ellipsoid_C, edge_px)
+        if isinstance(solved, Rejected):
+            return solved
+        fit = solved
         moved = C_CA.T @ fit[0].r_C - believed.pose.r_A
         believed = believed.at(believed.pose.r_A + moved)
         if np.linalg.norm(moved) * seen.lens.focal_px < 0.1 * np.linalg.norm(believed.pose.r_A):
             break
+    assert fit is not None  # there are rounds
     horizon, count = fit
     turn = C_CA.T @ _cross(horizon.r_C)
     return Fix("horizon", believed.pose.r_A - seen.pose.r_A, np.eye(3), C_CA.T @ horizon.P @ C_CA, turn, count)

@@ -14,9 +14,7 @@ from swarm_mj.scenarios.schema_navigation import OpticalNavigation
 SEARCH_PX, SEARCH_SIGMAS = 6.0, 3.0
 
 
-def measure(
-    seen: SeenPicture, predictor: Predictor, asked: OpticalNavigation, position_sigma: float
-) -> Fix | Rejected:
+def measure(seen: SeenPicture, predictor: Predictor, asked: OpticalNavigation, position_sigma: float) -> Fix | Rejected:
     """Measure a picture by the first way that suits it and gives something.
 
     Args:

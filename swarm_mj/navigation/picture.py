@@ -47,7 +47,7 @@ class Fix(NamedTuple):
         H: Derivatives of y by the camera's position in A, shape (m, 3).
         R: Covariance of y, shape (m, m); without errors of the camera's attitude.
         turn: Derivatives of y by a small turn of the camera about its axes [1/rad], shape (m, 3).
-        count: Points that were used: of the limb, or landmarks; pixels of a centroid.
+        used: Points that were used: of the limb, or landmarks; pixels of a centroid.
     """
 
     kind: str
@@ -55,7 +55,7 @@ class Fix(NamedTuple):
     H: Array
     R: Array
     turn: Array
-    count: int
+    used: int
 
     def covariance(self, attitude_rad: float) -> Array:
         """R with an error of the camera's attitude about each axis, 1 sigma, shape (m, m)."""

@@ -35,6 +35,10 @@ class Distortion(NamedTuple):
     k3: float = 0.0
 
 
+#: A lens that bends nothing.
+STRAIGHT = Distortion()
+
+
 class _Lens(NamedTuple):
     width: int
     height: int
@@ -110,12 +114,15 @@ class Lens(_Lens):
         """Derivatives of `to_pixels`, shape (..., 2, 3) [px/m]."""
         points = np.asarray(points_C, np.float64)
         image, depth = points[..., :2] / points[..., 2:], points[..., 2:]
-        flat = np.concatenate((np.broadcast_to(np.eye(2), (*image.shape, 2)), -image[..., None]), axis=-1) / depth[..., None]
+        flat = (
+            np.concatenate((np.broadcast_to(np.eye(2), (*image.shape, 2)), -image[..., None]), axis=-1)
+            / depth[..., None]
+        )
         bent = self.distortion_jacobian(image) @ flat if self.is_distorted else flat
         return self.focal_px * bent
 
 
-def lens_of(camera: CameraModel, distortion: Distortion = Distortion()) -> Lens:
+def lens_of(camera: CameraModel, distortion: Distortion = STRAIGHT) -> Lens:
     """The lens of a camera whose picture has `resolution_px` along its longer side."""
     size = camera.resolution_px
     width, height = (max(1, round(side * size)) for side in camera.sides)

@@ -71,7 +71,7 @@ def surface_of(given: Photometry) -> Surface:
 
 
 def body_surface(body: Body) -> Surface | None:
-    """How the surface of a scenario's body reflects: by its photometry, else by Lambert's law with its albedo; None: unknown."""
+    """How the surface of a scenario's body reflects, see `Body.reflectance`; None: nobody says."""
     return None if body.reflectance is None else surface_of(body.reflectance)
 
 

@@ -117,7 +117,9 @@ class ShadedBody:
         self._normals = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)
         self._extent = float(np.ptp(self._mesh.vertices, axis=0).max())
 
-    def draw(self, lens: Lens, pose: CameraPose, sun_A: Array, *, samples: int | None = None, fewest: int = FEWEST) -> Array32:
+    def draw(
+        self, lens: Lens, pose: CameraPose, sun_A: Array, *, samples: int | None = None, fewest: int = FEWEST
+    ) -> Array32:
         """Radiance factors of a picture, row 0 on top, shape (height, width).
 
         Args:
@@ -352,7 +354,7 @@ def _find_clear(mesh: Mesh, canvas: Canvas, seen: Mask, clear: Mask) -> None:
 
 
 @jittable
-def _is_lit(mesh: Mesh, light: _Light, f: int, column: float, row: float) -> bool:
+def _is_lit(mesh: Mesh, light: _Light, f: Any, column: float, row: float) -> bool:
     """Whether the Sun reaches a place of a face that is turned to it; the place is given on the map from the Sun."""
     i, j = int(floor(column - 0.5)), int(floor(row - 0.5))
     if i < 0 or j < 0 or i >= SUN_GRID - 1 or j >= SUN_GRID - 1:

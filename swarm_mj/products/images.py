@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from swarm_mj import __version__
@@ -18,6 +19,7 @@ from swarm_mj.interop.export import chosen_formats, files_in, written_into
 from swarm_mj.interop.states import FlightStates
 from swarm_mj.io.interruption import check
 from swarm_mj.observation.capture import Picture
+from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.observation.shading import Labels
 
 #: What lists the files; only a folder that has it is written again.
@@ -79,14 +81,16 @@ def write_images(
             if "png" in chosen:
                 Image.fromarray(taken.exposed.counts).save(partial / f"{stem}.png")
                 if layers:
-                    np.savez_compressed(partial / f"{stem}.npz", **layers)
+                    np.savez_compressed(partial / f"{stem}.npz", **layers)  # type: ignore[arg-type]
             if fits is not None:
                 _write_fits(fits, partial / f"{stem}.fits", taken, layers)
             rows.append({"file": stem, **described(taken)})
             if progress is not None:
                 progress(len(rows))
         if not rows:
-            raise InteropError("no picture was taken that the scenario's criterion judges; give every_s for all of the passage")
+            raise InteropError(
+                "no picture was taken that the scenario's criterion judges; give every_s for all of the passage"
+            )
         (partial / "README.md").write_text(_card(states, maker, chosen, rows, labels), "utf-8")
         contents = {
             "program": f"swarm_mj {__version__}",
@@ -138,17 +142,15 @@ def described(taken: Taken) -> dict[str, Any]:
     }
 
 
-def _layers(found: Labels, target: np.ndarray) -> dict[str, np.ndarray]:
+def _layers(found: Labels, target: NDArray[Any]) -> dict[str, NDArray[Any]]:
     layers = {name: np.asarray(getattr(found, name), LABELS[name][0]) for name in LABELS if name != "target"}
     layers["target"] = (found.face >= 0) & np.append(target, False)[np.minimum(found.face, len(target))]
     return layers
 
 
-def _faces_of_target(states: FlightStates) -> np.ndarray:
+def _faces_of_target(states: FlightStates) -> NDArray[Any]:
     """Faces of the body's own mesh that reach into the target, shape (f,)."""
     region, shape = states.plan.region, states.plan.shape
-    from swarm_mj.observation.raycast import RayTracer
-
     inside = np.zeros(len(shape.faces), np.bool_)
     tracer = RayTracer(shape.vertices, shape.faces)
     start = region.centroid_A + 1e-3 * np.sqrt(region.typical_area) * region.normal_A
@@ -169,17 +171,21 @@ def _chosen_spacecraft(states: FlightStates, asked: Iterable[int] | None) -> set
 
 def _astropy_fits() -> Any:
     try:
-        from astropy.io import fits
+        from astropy.io import fits  # type: ignore[import-untyped]
     except ImportError:
         raise InteropError("FITS needs astropy, which is not installed: pip install 'swarm_mj[fits]'") from None
     return fits
 
 
-def _write_fits(fits: Any, path: Path, taken: Taken, layers: dict[str, np.ndarray]) -> None:
+def _write_fits(fits: Any, path: Path, taken: Taken, layers: dict[str, NDArray[Any]]) -> None:
     """Counts as the primary image, its rows upwards as FITS has them, and a compressed extension for each label."""
     primary = fits.PrimaryHDU(taken.exposed.counts[::-1])
     header, told = primary.header, described(taken)
-    header["BUNIT"], header["EXPTIME"], header["GAIN"] = "DN", (told["exposure_s"], "[s]"), (told["gain_e_dn"], "[e/DN]")
+    header["BUNIT"], header["EXPTIME"], header["GAIN"] = (
+        "DN",
+        (told["exposure_s"], "[s]"),
+        (told["gain_e_dn"], "[e/DN]"),
+    )
     header["BIAS"], header["RDNOISE"] = (told["bias_dn"], "[DN]"), (told["read_noise_e"], "[e] rms")
     header["SPACECR"], header["T"] = told["spacecraft"], (told["t_s"], "past the epoch, TDB [s]")
     header["IOVERF"] = (told["electrons_per_radiance_factor"], "[e] of a radiance factor of 1")
@@ -193,14 +199,16 @@ def _write_fits(fits: Any, path: Path, taken: Taken, layers: dict[str, np.ndarra
     fits.HDUList([primary, *units]).writeto(path)
 
 
-def _for_fits(layer: np.ndarray) -> np.ndarray:
+def _for_fits(layer: NDArray[Any]) -> NDArray[Any]:
     upwards = layer[::-1]
     if layer.ndim == 3:
         upwards = np.moveaxis(upwards, -1, 0)
     return upwards.astype(np.uint8) if layer.dtype == np.bool_ else np.ascontiguousarray(upwards)
 
 
-def _card(states: FlightStates, maker: PictureMaker, chosen: list[str], rows: list[dict[str, Any]], labels: bool) -> str:
+def _card(
+    states: FlightStates, maker: PictureMaker, chosen: list[str], rows: list[dict[str, Any]], labels: bool
+) -> str:
     """The card of the data set."""
     scenario, lens = states.plan.scenario, maker.lens
     told = "\n".join(f"| `{name}` | {kind} | {unit} | {meaning} |" for name, (kind, unit, meaning) in LABELS.items())
@@ -217,7 +225,7 @@ Made by swarm_mj {__version__} from the flight {scenario.name}: {len(rows)} pict
 - `scJ/tT.fits`: counts and labels as extensions, row 0 at the bottom.
 
 Pixel (row i, column j) covers i to i + 1 and j to j + 1, counted from the upper left corner; labels hold at its centre.
-Light: {law.law}, sunlight and cast shadows; no light from face to face, no stars, no stray light, no texture finer than the mesh.
+Light: {law.law}, sunlight and cast shadows; no light from face to face, no stars, no stray light, nothing finer than the mesh.
 
 {table}
 To read it with torch:

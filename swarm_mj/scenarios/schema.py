@@ -566,7 +566,9 @@ class Scenario(Section):
                 if not self.camera.exposure_s:
                     raise ValueError(f"{name}, which needs camera.exposure_s; give the exposure in seconds")
                 if limit == "min_snr" and self.body.reflectance is None:
-                    raise ValueError(f"{name}, which needs body.photometry, or body.albedo, 0.04 to 0.4 for most small bodies")
+                    raise ValueError(
+                        f"{name}, which needs body.photometry, or body.albedo, 0.04 to 0.4 for most small bodies"
+                    )
         return self
 
     @model_validator(mode="after")

@@ -36,7 +36,9 @@ class Detector(Section):
         64, ge=0, le=60_000, description="count of a pixel without light [DN], so that noise below zero is not cut off"
     )
     hot_share: float = Field(1e-4, ge=0, le=0.1, description="share of pixels that are hot [-]; assumed")
-    hot_e_s: float = Field(2_000.0, ge=0, le=1e7, description="mean dark current of those, exponential [electrons/s]; assumed")
+    hot_e_s: float = Field(
+        2_000.0, ge=0, le=1e7, description="mean dark current of those, exponential [electrons/s]; assumed"
+    )
     exposure_share: float = Field(
         0.6,
         gt=0,
@@ -59,7 +61,7 @@ class Detector(Section):
     def _fits(self) -> Detector:
         if not 0.0 < self.exposure_range_s[0] <= self.exposure_range_s[1] <= 60.0:
             raise ValueError(
-                f"exposure_range_s = {list(self.exposure_range_s)}: must be two times above 0 and at most 60 s, the shorter first"
+                f"exposure_range_s = {list(self.exposure_range_s)}: must be two times, above 0 and at most 60 s, shorter first"
             )
         if self.bias_dn >= 2**self.bits - 1:
             raise ValueError(f"bias_dn = {self.bias_dn}: must be below the largest count, {2**self.bits - 1}")

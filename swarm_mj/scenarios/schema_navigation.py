@@ -15,26 +15,36 @@ class OpticalNavigation(Section):
     """Pictures of the body for navigation, and what the filter believes; with `navigation.mode: optical` alone."""
 
     interval_s: float = Field(
-        60.0, gt=0, le=1e7, description="time between two pictures for navigation of a spacecraft [s]"
+        600.0, gt=0, le=1e7, description="longest time between two pictures for navigation of a spacecraft [s]"
+    )
+    interval_share: float = Field(
+        0.05,
+        gt=0,
+        le=10,
+        description="the same over the distance from the body's centre over the speed [-]: near the body pictures come more "
+        "often, and at most one a second; default: some sixty from a hundred radii out to the closest approach",
     )
     delay_s: float = Field(
         0.0, ge=0, le=1e6, description="from a picture until what it told is known aboard: read-out and processing [s]"
     )
-    initial_position_m: float = Field(
-        300.0,
+    initial_position_m: float | None = Field(
+        None,
         gt=0,
         le=1e9,
-        description="1 sigma of each component of the position that a spacecraft begins with [m]; assumed: a mothership that "
-        "knows its own to 1 % of some 30 km",
+        description="1 sigma of each component of the position that a spacecraft begins with [m]; null: 1 % of the distance, "
+        "at most 100 km; assumed: pictures before, and far away an ephemeris",
     )
-    initial_velocity_m_s: float = Field(
-        0.05, gt=0, le=1e4, description="the same of its velocity [m/s]; assumed: a deployer's error"
+    initial_velocity_m_s: float | None = Field(
+        None,
+        gt=0,
+        le=1e4,
+        description="the same of its velocity [m/s]; null: 1 % of the speed, at most 0.1 m/s; assumed likewise",
     )
     acceleration_m_s15: float = Field(
         1e-6,
         ge=0,
         le=1.0,
-        description="process noise: white acceleration, 1 sigma of each component [m/s^1.5]; assumed: what forces leave unmodelled",
+        description="process noise: white acceleration, 1 sigma of each component [m/s^1.5]; assumed: what is left unmodelled",
     )
     methods: tuple[Method, ...] = Field(
         ("centroid", "limb", "landmarks"),
@@ -55,7 +65,10 @@ class OpticalNavigation(Section):
         "that varies and a law that is not quite the body's",
     )
     limb_model_px: float = Field(
-        0.1, ge=0, le=100, description="error of the predicted limb, 1 sigma [px]; assumed: shape known to a tenth of a pixel"
+        0.1,
+        ge=0,
+        le=100,
+        description="error of the predicted limb, 1 sigma [px]; assumed: shape known to a tenth of a pixel",
     )
     landmark_model_px: float = Field(
         0.1, ge=0, le=100, description="error of a landmark's place on the body, 1 sigma [px]; assumed likewise"
@@ -70,18 +83,19 @@ class OpticalNavigation(Section):
         None,
         gt=0,
         le=1e6,
-        description="error of ranges by the crosslink radios, 1 sigma [m]: those in reach of each other range at every picture and "
-        "share one filter; null: no ranges, a filter each",
+        description="error of ranges by the crosslink radios, 1 sigma [m]: those in reach of each other range at every picture "
+        "and share one filter; null: no ranges, a filter each",
     )
     gm_percent: float = Field(
         0.0, ge=0, le=100, description="error of the believed gravitational parameter, 1 sigma, drawn by the seed [%]"
     )
     rotation_deg: float = Field(
-        0.0, ge=0, le=30, description="error of the believed orientation of the body about each axis, 1 sigma, likewise [deg]"
+        0.0,
+        ge=0,
+        le=30,
+        description="error of the believed orientation of the body about each axis, 1 sigma, likewise [deg]",
     )
-    spin_percent: float = Field(
-        0.0, ge=0, le=10, description="error of the believed spin rate, 1 sigma, likewise [%]"
-    )
+    spin_percent: float = Field(0.0, ge=0, le=10, description="error of the believed spin rate, 1 sigma, likewise [%]")
 
 
 class Navigation(Section):

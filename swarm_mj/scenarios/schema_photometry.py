@@ -33,7 +33,10 @@ class Photometry(Section):
         "McEwen 1996, Lunar and Planetary Science Conference 27, 841",
     )
     asymmetry: float = Field(
-        -0.25, gt=-1, lt=1, description="of hapke: g of the Henyey-Greenstein function; below 0 it scatters backwards [-]"
+        -0.25,
+        gt=-1,
+        lt=1,
+        description="of hapke: g of the Henyey-Greenstein function; below 0 it scatters backwards [-]",
     )
     opposition_amplitude: float = Field(1.0, ge=0, le=10, description="of hapke: B0 of the opposition effect [-]")
     opposition_width: float = Field(0.02, gt=0, le=1, description="of hapke: h of the opposition effect [-]")
@@ -87,5 +90,7 @@ def published(name: str) -> dict[str, Any]:
         ValueError: There is no such set; the message lists them.
     """
     if name not in SETS:
-        raise ValueError(f"= {name!r}: must be one of {', '.join(SETS)}, or a mapping of {', '.join(Photometry.model_fields)}")
+        raise ValueError(
+            f"= {name!r}: must be one of {', '.join(SETS)}, or a mapping of {', '.join(Photometry.model_fields)}"
+        )
     return dict(SETS[name])

@@ -123,11 +123,18 @@ VARIABLES = {
     "gyro_bias": _signed(FASTEST, "rad s-1", "B", "true bias of the gyro", **_FAULT),
     "gyro_bias_estimate": _signed(FASTEST, "rad s-1", "B", "the filter's estimate of it", **_FAULT),
     "r_BN_N_estimate": _signed(
-        FARTHEST, "m", "N", "position relative to the asteroid's centre, as navigation by pictures knows it", optional=True
+        FARTHEST,
+        "m",
+        "N",
+        "position relative to the asteroid's centre, as navigation by pictures knows it",
+        optional=True,
     ),
     "v_BN_N_estimate": _signed(FASTEST, "m s-1", "N", "velocity, likewise", optional=True),
     "position_sigma": _amount(
-        FARTHEST, "m", "standard deviation of that position along its widest axis, as its filter believes", optional=True
+        FARTHEST,
+        "m",
+        "standard deviation of that position along its widest axis, as its filter believes",
+        optional=True,
     ),
     "thrust_N": _signed(FASTEST, "N", "N", "mean force of the thrusters, held from this sample on", optional=True),
     "propellant_kg": _amount(FASTEST, "kg", "propellant left in the tank", optional=True),
