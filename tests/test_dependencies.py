@@ -8,7 +8,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 #: Distribution of a module where the names differ.
-DISTRIBUTION = {"yaml": "pyyaml", "mpl_toolkits": "matplotlib", "PIL": "pillow", "erfa": "pyerfa"}
+DISTRIBUTION = {
+    "yaml": "pyyaml",
+    "mpl_toolkits": "matplotlib",
+    "PIL": "pillow",
+    "erfa": "pyerfa",
+    "skimage": "scikit-image",
+}
 #: Imported where present, with something else in their place where not.
 OPTIONAL = {"polyhedral_gravity", "astropy", "shapely", "glfw"}
 #: Imported by what an extra brings: training, multi-agent, the window, campaigns on clusters, SPICE kernels, maps, ONNX.

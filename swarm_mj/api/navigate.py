@@ -14,12 +14,19 @@ import pandas as pd
 from swarm_mj import __version__
 from swarm_mj.api.scenario import Scenario, load
 from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.optical_covariance import OpticalAnalysis, analyse_optical
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.flight.trajectory_corrections import CorrectionAnalysis, analyse_corrections
 from swarm_mj.io.atomic import atomic_file
 from swarm_mj.io.progress import Shown, Stages, using_bars
 from swarm_mj.mission.covariance import DispersedFlights, arrival_axes, fly_dispersed, sample_chance
-from swarm_mj.records.navigation import navigation_findings, navigation_rows, total_delta_v
+from swarm_mj.records.navigation import (
+    known_3_sigma,
+    navigation_findings,
+    navigation_rows,
+    optical_sentence,
+    total_delta_v,
+)
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
 from swarm_mj.typing import Array
 
@@ -96,6 +103,8 @@ class Navigation:
     def findings(self) -> list[str]:
         """What to know, one sentence each."""
         found = navigation_findings(self.found)
+        if isinstance(self.found, OpticalAnalysis):
+            found.append(optical_sentence(self.found))
         if self.flights is not None and self.agreement is not None:
             worst, n = float(self.agreement["chance"].min()), len(self.agreement)
             runs = len(self.flights.deviation)
@@ -120,6 +129,7 @@ class Navigation:
             "delta_v_m_s": self.delta_v.to_dict(orient="index"),
             "agreement": None if agreement is None else agreement.to_dict(orient="index"),
             "flights": None if self.flights is None else len(self.flights.deviation),
+            "known_3_sigma_m": known_3_sigma(self.found) if isinstance(self.found, OpticalAnalysis) else None,
             "findings": self.findings,
         }
 
@@ -146,6 +156,7 @@ def navigate(
     overrides: Mapping[str, Any] = NO_OVERRIDES,
     *,
     runs: int = 0,
+    optical: bool = False,
     progress: Shown = None,
 ) -> Navigation:
     """Carry the covariance of release, navigation and burns through the corrections to the arrival; nothing is flown in MuJoCo.
@@ -154,6 +165,8 @@ def navigate(
         scenario: What is to be flown, as `load` takes it.
         overrides: Values by dotted key that change it, e.g. `{"dispersions.deployment_velocity_m_s": 0.1}`.
         runs: Flights under all forces to check it with, drawn from the scenario's seed; 0: none.
+        optical: Whether what is known at corrections comes by pictures of the body, see `flight.optical_covariance`; a campaign
+            with navigation.mode: optical checks that instead of `runs`.
         progress: Whether to show progress bars, or the bars to use; None: on a terminal and in notebooks, after 2 s.
 
     Raises:
@@ -161,11 +174,18 @@ def navigate(
     """
     if runs and not RUNS[0] <= runs <= RUNS[1]:
         raise ScenarioError(f"runs = {runs}: must be 0 or {RUNS[0]} to {RUNS[1]}")
-    scenario = load(scenario, overrides)
+    if runs and optical:
+        raise ScenarioError(
+            f"runs = {runs}: must be 0 with pictures, which whole flights take; fly a campaign with navigation.mode: optical"
+        )
+    scenario = load(scenario, {**overrides, "navigation.mode": "optical"} if optical else overrides)
     with using_bars(progress) as bars:
         stages = Stages(scenario.name, bars)
         with stages.stage("design", "trajectories"):
             plan = make_plan(scenario)
+        if optical:
+            with stages.stage("covariance", "pictures along the way", 1.0) as done:
+                return Navigation(analyse_optical(plan, done))
         with stages.stage("covariance", "covariance"):
             found = analyse_corrections(plan)
         if not runs:

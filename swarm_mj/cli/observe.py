@@ -85,6 +85,11 @@ def add(commands: argparse._SubParsersAction) -> None:
         metavar="N",
         help="check with N flights under all forces, e.g. 1000 (default: none)",
     )
+    navigate.add_argument(
+        "--optical",
+        action="store_true",
+        help="what is known at corrections comes by pictures of the body, made and measured along the planned paths",
+    )
     navigate.add_argument("--out", type=Path, metavar="FILE", help="write all numbers there as JSON")
     add_quiet(navigate)
 
@@ -125,7 +130,13 @@ def _navigate(arguments: argparse.Namespace) -> int:
     from swarm_mj.api.navigate import navigate
 
     with bars_for(arguments) as bars:
-        found = navigate(arguments.scenario, overrides_of(arguments), runs=arguments.runs, progress=bars)
+        found = navigate(
+            arguments.scenario,
+            overrides_of(arguments),
+            runs=arguments.runs,
+            optical=arguments.optical,
+            progress=bars,
+        )
     show_table(bars.console, _table(found))
     lines = [f"{found.scenario.name}: {words}" for words in found.findings]
     if arguments.out is not None:

@@ -8,7 +8,7 @@ and gyro give, and goes into a filter. Known positions less true ones are writte
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from math import radians
 from typing import Any
 
@@ -22,7 +22,7 @@ from swarm_mj.flight.trajectory_corrections import knots
 from swarm_mj.mission.behaviors import looks_at_body
 from swarm_mj.navigation.filter import Acceleration, FilterNoise, SwarmFilter
 from swarm_mj.navigation.measure import measure
-from swarm_mj.navigation.picture import FEWEST_SAMPLES, Fix, Predictor, SeenPicture, edge_error
+from swarm_mj.navigation.picture import FEWEST_SAMPLES, Fix, Predictor, Rejected, SeenPicture, edge_error
 from swarm_mj.observation.camera import CameraMotion, CameraPose
 from swarm_mj.observation.capture import Picture
 from swarm_mj.observation.photometry import body_surface
@@ -98,7 +98,7 @@ class OpticalNavigator:
         self._predictor = Predictor(ShadedBody(vertices, faces, surface), radius)
         sensors = scenario.spacecraft.sensors
         self._noise = FilterNoise(
-            acceleration=asked.acceleration_m_s15,
+            acceleration=asked.velocity_walk_m_s_sqrt_h / 60.0,
             attitude=FILTERED * sensors.star_tracker_noise_arcsec * ARCSEC,
             mount=sensors.star_tracker_bias_arcsec * ARCSEC,
             gm=0.01 * asked.gm_percent,
@@ -171,10 +171,45 @@ class OpticalNavigator:
 
     def _ticks_to_next(self, simulation: Simulation) -> int:
         """Control periods until the next pictures."""
-        asked, (r_N, v_N) = self.plan.scenario.navigation.optical, simulation.state.known()
+        return max(1, round(self.seconds_to_next(*simulation.state.known()) / simulation.period))
+
+    def seconds_to_next(self, r_N: Array, v_N: Array) -> float:
+        """Time from pictures to the next [s], by what is known of positions and velocities, shape (n, 3) each."""
+        asked = self.plan.scenario.navigation.optical
         passing = np.linalg.norm(r_N, axis=1) / np.maximum(np.linalg.norm(v_N, axis=1), 1e-9)
-        seconds = max(min(asked.interval_s, asked.interval_share * float(passing.min())), SHORTEST_S)
-        return max(1, round(seconds / simulation.period))
+        return max(min(asked.interval_s, asked.interval_share * float(passing.min())), SHORTEST_S)
+
+    def filter_at(self, t: float, r_N: Array, v_N: Array) -> SwarmFilter:
+        """The filter of one spacecraft that begins at a time [s] with a state, shape (3,) each, known as at a start."""
+        environment, sigma = (
+            self.plan.environment,
+            first_sigmas(self.plan.scenario.navigation.optical, r_N[None], v_N[None]),
+        )
+        forces, P = environment.acceleration_N, np.diag(sigma[0] ** 2)[None]
+        return SwarmFilter(forces, self._gm, environment.spin_N, self._noise, t, r_N[None], v_N[None], P)
+
+    def measured(self, picture: Picture, position_sigma: float) -> Fix | Rejected:
+        """What a picture would tell that is taken from where and how it is believed to be."""
+        return measure(
+            self._seen(picture, picture.pose), self._predictor, self.plan.scenario.navigation.optical, position_sigma
+        )
+
+    def _seen(self, picture: Picture, pose: CameraPose) -> SeenPicture:
+        """A picture taken, as navigation is given it with a believed pose."""
+        exposed, lens = self._maker.take(picture, fewest=FEWEST_SAMPLES).exposed, self._maker.lens
+        distance = max(float(np.linalg.norm(picture.r_A)), self._predictor.radius)
+        return SeenPicture(
+            signal=exposed.signal,
+            variance=exposed.variance,
+            background=exposed.background_variance,
+            per_factor=exposed.electrons_per_factor,
+            saturated=exposed.saturated,
+            lens=lens,
+            psf_px=self.plan.scenario.camera.detector.psf_sigma_px,
+            edge_px=edge_error(2.0 * self._predictor.radius * lens.focal_px / distance),
+            pose=pose,
+            sun_A=np.asarray(picture.sun_A, np.float64),
+        )
 
     def _note_pushes(self, simulation: Simulation) -> bool:
         """Remember changes of velocity since the last look, by thrust or release; whether thrusters fire."""
@@ -215,26 +250,11 @@ class OpticalNavigator:
             v_A = C_AN @ (state.v_N[j] - np.cross(environment.spin_N, state.r_N[j]))
             motion = CameraMotion(v_A, omega_C)
             picture = Picture(t, int(j), C_AN @ state.r_N[j], C_CN @ C_AN.T, C_AN @ (sun_N - state.r_N[j]), motion)
-            exposed = self._maker.take(picture, fewest=FEWEST_SAMPLES).exposed
             C_known = (
                 nominal_mount(camera.boresight_B) @ Rotation.from_quat(q_known[j], scalar_first=True).as_matrix().T
             )
-            lens, distance = self._maker.lens, float(np.linalg.norm(state.r_N[j]))
-            seen = SeenPicture(
-                signal=exposed.signal,
-                variance=exposed.variance,
-                background=exposed.background_variance,
-                per_factor=exposed.electrons_per_factor,
-                saturated=exposed.saturated,
-                lens=lens,
-                psf_px=camera.detector.psf_sigma_px,
-                edge_px=edge_error(
-                    2.0 * self._predictor.radius * lens.focal_px / max(distance, self._predictor.radius)
-                ),
-                pose=CameraPose(np.zeros(3), C_known @ C_AN.T @ self._misturned(t).T),
-                sun_A=C_AN @ sun_N,
-            )
-            taken.append((int(j), seen))
+            pose = CameraPose(np.zeros(3), C_known @ C_AN.T @ self._misturned(t).T)
+            taken.append((int(j), self._seen(picture, pose)))
         return taken
 
     def _misturned(self, t: float) -> Array:
@@ -301,7 +321,7 @@ class OpticalNavigator:
         believed_AN = self._misturned(event.t) @ C_AN
         seen = event.picture
         sun_A = believed_AN @ C_AN.T @ seen.sun_A
-        seen = SeenPicture(**{**seen.__dict__, "sun_A": sun_A}).at(believed_AN @ each.r_N[j])
+        seen = replace(seen, sun_A=sun_A).at(believed_AN @ each.r_N[j])
         sigma = float(np.sqrt(np.linalg.eigvalsh(each.covariance(j)[:3, :3])[-1]))
         diameter = self._predictor.diameter_px(seen)
         fix = measure(seen, self._predictor, self.plan.scenario.navigation.optical, sigma)

@@ -118,9 +118,9 @@ class PictureMaker:
             self._body.move(self._vertices)
 
     def factor(self, picture: Picture, exposure_s: float = 0.0, fewest: int = FEWEST) -> Array32:
-        """Radiance factors of a picture, averaged over each pixel and over the exposure; shape (height, width)."""
+        """Radiance factors of a picture, spread and averaged over each pixel and the exposure; shape (height, width)."""
         self._arrange(picture.t)
-        shown = self._body.draw(self.lens, picture.pose, picture.sun_A, fewest=fewest)
+        shown = self._drawn(picture.pose, picture.sun_A, fewest)
         blur = self._motion_px(picture, exposure_s)
         if blur <= BETWEEN_PX:
             return shown
@@ -128,8 +128,12 @@ class PictureMaker:
         total = np.zeros_like(shown)
         for k in range(instants):
             pose = moved(picture.pose, picture.motion, exposure_s * ((k + 0.5) / instants - 0.5))
-            total += self._body.draw(self.lens, pose, picture.sun_A, fewest=fewest)
+            total += self._drawn(pose, picture.sun_A, fewest)
         return total / np.float32(instants)
+
+    def _drawn(self, pose: CameraPose, sun_A: Array, fewest: int) -> Array32:
+        psf_px = self._plan.scenario.camera.detector.psf_sigma_px
+        return self._body.draw_spread(self.lens, pose, sun_A, psf_px, fewest=fewest)
 
     def _motion_px(self, picture: Picture, exposure_s: float) -> float:
         """How far the body's centre moves over the detector in an exposure [px]; 0 where it is not ahead."""
@@ -146,8 +150,8 @@ class PictureMaker:
         exposure_s = picture.exposure_s
         if exposure_s is None:
             self._arrange(picture.t)
-            still = self._body.draw(self.lens, picture.pose, picture.sun_A, fewest=fewest)
-            exposure_s = detector.exposure(detector.spread(still), sun_m)
+            still = self._drawn(picture.pose, picture.sun_A, fewest)
+            exposure_s = detector.exposure(still, sun_m)
             smeared = self._motion_px(picture, exposure_s) > BETWEEN_PX
             factor = self.factor(picture, exposure_s, fewest) if smeared else still
         else:

@@ -155,14 +155,13 @@ class SwarmFilter:
         axis = self._spin_N / max(float(np.linalg.norm(self._spin_N)), 1e-300)
         return shared[ROTATION] + axis * (shared[SPIN] * t)
 
-    def advance(self, t: float) -> None:
-        """Carry the estimate to a later time [s]."""
-        left = t - self.t
-        while left > 1e-9:
-            step = min(left, self._longest_step())
-            self._step(step)
-            left = t - self.t
-        self.t = t
+    def advance(self, t: float) -> Array:
+        """Carry the estimate to a later time [s]; gives the transition matrix of the whole state."""
+        phi = np.eye(len(self.x))
+        while (left := t - self.t) > 1e-9:
+            phi = self._step(min(left, self._longest_step())) @ phi
+        self.t = max(t, self.t)
+        return phi
 
     def _longest_step(self) -> float:
         distance = float(np.linalg.norm(self.r_N, axis=1).min())
@@ -171,8 +170,8 @@ class SwarmFilter:
         passing = distance / speed if speed > 0.0 else np.inf
         return max(min(STEP * pace, STEP * passing, LONGEST_S), 1e-3)
 
-    def _step(self, h: float) -> None:
-        """One step of Runge and Kutta's fourth order of states and their transition matrices."""
+    def _step(self, h: float) -> Array:
+        """One step of Runge and Kutta's fourth order of states and their transition matrices; gives that of the whole state."""
         n, t = self.n, self.t
         more = np.zeros((n, 6, 8))
         more[:, :, 0], more[:, :, 1:] = self._own()[:, :6], np.eye(6, 7)
@@ -182,18 +181,19 @@ class SwarmFilter:
         k4 = self._rate(t + h, more + h * k3)
         more = more + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         self._own()[:, :6] = more[:, :, 0]
-        S, shared = self.S, OWN * n
-        noise = np.zeros((len(S), 6 * n))
+        phi, noise = np.eye(len(self.x)), np.zeros((len(self.x), 6 * n))
         for j in range(n):
             own = slice(OWN * j, OWN * j + 6)
-            S[own] = more[j, :, 1:7] @ S[own] + np.outer(more[j, :, 7], S[shared + GM])
+            phi[own, own], phi[own, OWN * n + GM] = more[j, :, 1:7], more[j, :, 7]
             # White acceleration over the step: its covariance has this root.
             q = self.noise.acceleration * np.sqrt(h)
             noise[OWN * j : OWN * j + 3, 6 * j : 6 * j + 3] = q * h / np.sqrt(12.0) * np.eye(3)
             noise[OWN * j : OWN * j + 3, 6 * j + 3 : 6 * j + 6] = 0.5 * q * h * np.eye(3)
             noise[OWN * j + 3 : OWN * j + 6, 6 * j + 3 : 6 * j + 6] = q * np.eye(3)
+        S = phi @ self.S
         self._triangularise(np.hstack((S, noise)) if self.noise.acceleration > 0.0 else S)
         self.t = t + h
+        return phi
 
     def _rate(self, t: float, y: Array) -> Array:
         """Rates of states, their transition matrices and their derivatives by the error of GM, shape (n, 6, 8)."""

@@ -266,7 +266,7 @@ def _match_pixels(
         scale = np.sqrt(np.diag(info))
         if not (scale > 0.0).all() or np.linalg.cond(info / np.outer(scale, scale)) > 1e10:
             return Rejected("limb", "the limb does not determine a position")
-        fit = np.linalg.solve(info, (B * w[:, None]).T @ signal[band][chosen])
+        fit = np.asarray(np.linalg.solve(info, (B * w[:, None]).T @ signal[band][chosen]))
         residual = np.asarray(signal[band] - basis @ fit)
         left = residual / np.sqrt(variance)
         kept = ~seen.saturated[band] & (np.abs(left) < 6.0 * max(1.4826 * float(np.median(np.abs(left[chosen]))), 1.0))

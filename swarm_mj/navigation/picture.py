@@ -6,7 +6,7 @@ measuring gives that as a `Fix`: y = H dr + noise of covariance R, with dr the t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -104,12 +104,12 @@ class SeenPicture:
 
     def at(self, r_A: Array) -> SeenPicture:
         """The same picture, believed to be taken from elsewhere [m]."""
-        return SeenPicture(**{**self.__dict__, "pose": CameraPose(r_A, self.pose.C_CA)})
+        return replace(self, pose=CameraPose(r_A, self.pose.C_CA))
 
     def turned(self, turn: Array) -> SeenPicture:
         """The same picture, believed to be taken by a camera turned about its axes by a small angle [rad], shape (3,)."""
         C_CA = Rotation.from_rotvec(-turn).as_matrix() @ self.pose.C_CA
-        return SeenPicture(**{**self.__dict__, "pose": CameraPose(self.pose.r_A, C_CA)})
+        return replace(self, pose=CameraPose(self.pose.r_A, C_CA))
 
     @property
     def centre_px(self) -> Array:
@@ -151,13 +151,8 @@ class Predictor:
 
     def predict(self, seen: SeenPicture, *, depths: bool = False, fewest: int = FEWEST_SAMPLES) -> Prediction:
         """The picture that the believed pose would give."""
-        factor = self._body.draw(seen.lens, seen.pose, seen.sun_A, fewest=fewest)
-        signal = np.zeros(factor.shape)
-        if (box := box_of(factor > 0.0, margin_px(seen.psf_px))) is not None:
-            signal[box] = factor[box]
-            if seen.psf_px > 0.0:
-                signal[box] = ndimage.gaussian_filter(signal[box], seen.psf_px, mode="nearest", truncate=5.0)
-            signal *= seen.per_factor
+        factor = self._body.draw_spread(seen.lens, seen.pose, seen.sun_A, seen.psf_px, fewest=fewest)
+        signal = factor.astype(np.float64) * seen.per_factor
         if not depths:
             return Prediction(signal)
         face, depth, _ = self._body.depths(seen.lens, seen.pose, seen.sun_A)

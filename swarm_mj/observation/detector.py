@@ -3,8 +3,8 @@
     electrons = light of the surface for the time of the exposure + dark current
     counts = round((Poisson(electrons) cut at the full well + read noise) / gain + bias), cut at the converter's ends
 
-Light is spread by a Gaussian before pixels collect it. Cosmic rays, stray light, stars and the nonlinearity near the full well
-are left out.
+The lens spreads light by a Gaussian before that, see `ShadedBody.draw_spread`. Cosmic rays, stray light, stars and the
+nonlinearity near the full well are left out.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from swarm_mj.observation.radiometry import electrons
 from swarm_mj.scenarios.schema_imaging import Camera
@@ -90,11 +89,6 @@ class DetectorModel:
         """Electrons per count."""
         return self.detector.full_well_e / (2**self.detector.bits - 1 - self.detector.bias_dn)
 
-    def spread(self, factor: Array32) -> Array32:
-        """Radiance factors as the lens spreads them, same shape."""
-        sigma = self.detector.psf_sigma_px
-        return gaussian_filter(factor, sigma, mode="nearest", truncate=5.0) if sigma > 0.0 else factor
-
     def rate(self, sun_distance_m: float) -> float:
         """Electrons per second of a radiance factor of 1."""
         one = self.camera.model_copy(update={"exposure_s": 1.0})
@@ -121,12 +115,12 @@ class DetectorModel:
         """Expose a picture.
 
         Args:
-            factor: Radiance factors averaged over each pixel and the exposure, not yet spread, shape (height, width).
+            factor: Radiance factors averaged over each pixel and the exposure, as the lens spreads them, shape (height, width).
             sun_distance_m: Of the body from the Sun [m].
             rng: Draws the noise; None: there is none.
             exposure_s: How long [s]; None: see `exposure`.
         """
-        given, light = self.detector, self.spread(factor)
+        given, light = self.detector, factor
         seconds = self.exposure(light, sun_distance_m) if exposure_s is None else exposure_s
         per_factor = self.rate(sun_distance_m) * seconds
         mean = light.astype(np.float64) * per_factor + given.dark_e_s * seconds

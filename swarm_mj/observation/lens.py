@@ -44,6 +44,8 @@ class _Lens(NamedTuple):
     height: int
     focal_px: float
     distortion: Distortion
+    centre_x: float
+    centre_y: float
 
 
 class Lens(_Lens):
@@ -54,12 +56,20 @@ class Lens(_Lens):
         height: Pixels along y.
         focal_px: Focal length over the size of a pixel.
         distortion: Brown's coefficients.
+        centre_x: Detector coordinates of the line of sight [px]: of a whole picture its middle.
+        centre_y: Likewise.
     """
 
     @cached_property
     def centre(self) -> Array:
         """Detector coordinates of the line of sight [px], shape (2,)."""
-        return np.array([0.5 * self.width, 0.5 * self.height])
+        return np.array([self.centre_x, self.centre_y])
+
+    def zoomed(self, low: Array, high: Array, times: int) -> Lens:
+        """A part of the detector, from a corner to another [px], with so many pixels in the place of each along its sides."""
+        width, height = ((high - low) * times).tolist()
+        x, y = ((self.centre - low) * times).tolist()
+        return Lens(int(width), int(height), self.focal_px * times, self.distortion, x, y)
 
     @property
     def is_distorted(self) -> bool:
@@ -126,4 +136,4 @@ def lens_of(camera: CameraModel, distortion: Distortion = STRAIGHT) -> Lens:
     """The lens of a camera whose picture has `resolution_px` along its longer side."""
     size = camera.resolution_px
     width, height = (max(1, round(side * size)) for side in camera.sides)
-    return Lens(width, height, 0.5 * size / camera.tan_half_angle, distortion)
+    return Lens(width, height, 0.5 * size / camera.tan_half_angle, distortion, 0.5 * width, 0.5 * height)

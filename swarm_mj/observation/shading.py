@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from swarm_mj.compilation import allocation_free, jittable, kernel
 from swarm_mj.observation.camera import CameraPose
@@ -34,6 +35,10 @@ from swarm_mj.typing import Array, Array32, Ints32, Mask
 GRID = 1024
 #: Fewest and most samples along a pixel.
 FEWEST, MOST = 2, 64
+#: Samples along a pixel for labels where the lens bends.
+BENT = 8
+#: Up to so many pixels a body is spread by the lens before pixels collect its light.
+SMALL_PX = 32
 #: Places along a side of the map from the Sun.
 SUN_GRID = 1024
 #: How far above its face a sample must be covered to lie in shadow, over the body's depth: rounding of double precision.
@@ -144,20 +149,51 @@ class ShadedBody:
                 self._draw_tile(lens, pose, light, tile, along, out)
         return out
 
+    def draw_spread(
+        self, lens: Lens, pose: CameraPose, sun_A: Array, psf_px: float, *, fewest: int = FEWEST
+    ) -> Array32:
+        """Radiance factors of a picture spread by the lens, a Gaussian of some standard deviation [px]; else as `draw`.
+
+        Where the body is but some pixels, it is spread before it falls on them, so that its place within a pixel is not lost.
+        """
+        low, high = self._box(lens, pose)
+        size = int((high - low).max())
+        if psf_px > 0.0 and 0 < size <= SMALL_PX:
+            margin, most = int(np.ceil(5.0 * psf_px)), np.array([lens.width, lens.height])
+            low, high = np.maximum(low - margin, 0), np.minimum(high + margin, most)
+            times = max(GRID // (4 * int((high - low).max())), 2)
+            fine = self.draw(lens.zoomed(low.astype(np.float64), high.astype(np.float64), times), pose, sun_A).astype(
+                np.float64
+            )
+            spread = ndimage.gaussian_filter(fine, psf_px * times, mode="constant", truncate=5.0)
+            rows, columns = (high - low)[1], (high - low)[0]
+            out = np.zeros((lens.height, lens.width), np.float32)
+            blocks = spread.reshape(rows, times, columns, times).mean(axis=(1, 3))
+            out[low[1] : high[1], low[0] : high[0]] = blocks
+            return out
+        drawn = self.draw(lens, pose, sun_A, fewest=fewest)
+        if psf_px > 0.0 and size > 0:
+            margin = int(np.ceil(5.0 * psf_px))
+            rows, columns = (slice(max(low[k] - margin, 0), high[k] + margin) for k in (1, 0))
+            drawn[rows, columns] = ndimage.gaussian_filter(drawn[rows, columns], psf_px, mode="nearest", truncate=5.0)
+        return drawn
+
     def depths(self, lens: Lens, pose: CameraPose, sun_A: Array) -> tuple[Ints32, Array, Mask]:
         """Face, depth and light under the centre of each pixel, see `Labels`; args as of `draw`."""
         height, width = lens.height, lens.width
         face, depth = np.full((height, width), -1, np.int32), np.zeros((height, width))
         lit, light = np.zeros((height, width), np.bool_), self._light(sun_A)
-        step = int(GRID * 0.9) if lens.is_distorted else GRID
+        # Where the lens bends, centres of pixels are no centres of samples, and samples must be fine.
+        along = BENT if lens.is_distorted else 1
+        step = int(0.9 * GRID // along) if lens.is_distorted else GRID
         low, high = self._box(lens, pose)
         for top in range(low[1], high[1], step):
             for left in range(low[0], high[0], step):
                 tile = left, top, min(left + step, high[0]), min(top + step, high[1])
-                view, places = self._draw_grid(lens, pose, light, tile, 1)
+                view, places = self._draw_grid(lens, pose, light, tile, along)
                 if view is not None:
                     _prepare(self._mesh, view, self._canvas, light, self._seen, self._planes)
-                    _label(self._mesh, self._canvas, light, self._planes, places, tile, face, depth, lit)
+                    _label(self._mesh, self._canvas, light, self._planes, places, tile, along, face, depth, lit)
         return face, depth, lit
 
     def labels(self, lens: Lens, pose: CameraPose, sun_A: Array) -> Labels:
@@ -504,6 +540,7 @@ def _label(
     planes: Array,
     places: Array,
     tile: tuple[int, int, int, int],
+    along: int,
     face: Ints32,
     depth: Array,
     lit: Mask,
@@ -514,7 +551,10 @@ def _label(
         for x in range(tile[0], tile[2]):
             at, high = x - tile[0] + 0.5, size - (y - tile[1] + 0.5)
             if places.shape[0] > 0:
-                at, high = places[y - tile[1], x - tile[0], 0], size - places[y - tile[1], x - tile[0], 1]
+                at, high = (
+                    along * places[y - tile[1], x - tile[0], 0],
+                    size - along * places[y - tile[1], x - tile[0], 1],
+                )
             column, row = int(at), int(high)
             if column < 0 or row < 0 or column >= size or row >= size:
                 continue

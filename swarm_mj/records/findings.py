@@ -51,6 +51,7 @@ def summary_findings(summary: dict[str, Any]) -> list[str]:
     cut = ", ".join(f"{name} for {s:g} s" for name, s in summary["wheel_saturation_s"].items() if s > 0)
     found += [f"wheel limits cut the controller's torque: {cut}"] if cut else []
     found += summary.get("navigation", {}).get("findings", ())
+    found += summary.get("optical", {}).get("findings", ())
     return [
         *event_findings(summary),
         *summary.get("encounter_findings", ()),

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from swarm_mj.flight.optical_covariance import OpticalAnalysis
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.trajectory_corrections import CorrectionAnalysis, analyse_corrections
 from swarm_mj.mission.covariance import arrival_axes, draw_linear, length_mean, length_quantile, length_within
@@ -158,6 +159,22 @@ def _useless(k: int, stages: list[list[Row]]) -> str:
         f"correction {k} does not pay: it leaves 3 sigma {after:.3g} m of {before:.3g} m, for the errors of navigation and "
         "burns are as large; leave it out, fly it later (trajectory.corrections), or navigate better (navigation)"
     )
+
+
+def known_3_sigma(found: OpticalAnalysis) -> dict[str, float]:
+    """What each spacecraft knows of its position at the arrival, 3 sigma along the widest axis [m]."""
+    widest = np.linalg.eigvalsh(found.known[:, :3, :3])[:, -1].clip(0.0)
+    return {name: 3.0 * float(np.sqrt(value)) for name, value in zip(found.plan.names, widest, strict=True)}
+
+
+def optical_sentence(found: OpticalAnalysis) -> str:
+    """What pictures tell on the way."""
+    known = known_3_sigma(found)
+    told = "; ".join(
+        f"{name}: {', '.join(f'{count} by {way}' for way, count in ways.items()) or 'none'}, then known to {known[name]:.3g} m"
+        for name, ways in zip(found.plan.names, found.pictures, strict=True)
+    )
+    return f"pictures on the way that tell something, and 3 sigma of the position at the arrival by them: {told}"
 
 
 def _tank(found: CorrectionAnalysis, names: tuple[str, ...]) -> list[str]:

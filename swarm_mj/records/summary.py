@@ -23,6 +23,7 @@ from swarm_mj.records.formation import formation_summary
 from swarm_mj.records.modes import held_s
 from swarm_mj.records.navigation import navigation_summary
 from swarm_mj.records.observed import mapped_by_class, not_observed
+from swarm_mj.records.optical import optical_summary
 from swarm_mj.records.propulsion import propulsion_summary
 from swarm_mj.records.rounding import by_name, rounded, spread
 from swarm_mj.scenarios.itinerary import all_targets, itinerary, target_text
@@ -52,6 +53,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         "encounter_findings": list(plan.encounter_findings),
         **propulsion_summary(plan, telemetry),
         **navigation_summary(plan),
+        **optical_summary(plan, telemetry),
         **_stepped(plan, telemetry),
         **_faults(plan, telemetry),
         **coordination_summary(telemetry),

@@ -147,6 +147,17 @@ class NavigationSummary(Record):
     findings: list[str] = []
 
 
+class OpticalSummary(Record):
+    """What navigation by pictures came to, as far as it is read again."""
+
+    findings: list[str] = []
+    used: dict[str, int] = {}
+    not_used: dict[str, int] = {}
+    position_error_m_arrival: ByName = {}
+    position_3_sigma_m_arrival: ByName = {}
+    aim_error_deg_arrival: ByName = {}
+
+
 class RunSummary(Record):
     """summary.json of a run, see `swarm_mj.records.summary.summarise`."""
 
@@ -187,6 +198,7 @@ class RunSummary(Record):
     encounter_findings: list[str] = []
     deployment_findings: list[str] = []
     navigation: NavigationSummary = NavigationSummary()
+    optical: OpticalSummary = OpticalSummary()
     formation: FormationHeld | None = None
     picture_plan: PicturePlanSummary | None = None
     pointing_error_deg_arrival: ByName = {}

@@ -25,6 +25,7 @@ UNITS = {
     "deg_per_day": "deg/day",
     "deg_h_sqrt_h": "deg/h/√h",
     "deg_sqrt_h": "deg/√h",
+    "m_s_sqrt_h": "m/s/√h",
     "viscous_n_m_s": "N m s/rad",
     "n_m_s": "N m s",
     "kg_m2": "kg m²",

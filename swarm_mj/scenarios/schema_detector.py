@@ -29,7 +29,7 @@ class Detector(Section):
         10.0, ge=0, le=1e6, description="dark current of a pixel [electrons/s]; assumed: CMOS near 0 deg C"
     )
     full_well_e: float = Field(
-        20_000.0, ge=10, le=1e7, description="electrons that a pixel holds; assumed: CMOS with pixels of 5 um"
+        20_000.0, ge=10, le=1e7, description="electrons that a pixel holds [-]; assumed: CMOS with pixels of 5 um"
     )
     bits: int = Field(12, ge=1, le=16, description="of the converter, whose last step is the full well")
     bias_dn: int = Field(

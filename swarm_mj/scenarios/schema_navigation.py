@@ -40,11 +40,12 @@ class OpticalNavigation(Section):
         le=1e4,
         description="the same of its velocity [m/s]; null: 1 % of the speed, at most 0.1 m/s; assumed likewise",
     )
-    acceleration_m_s15: float = Field(
-        1e-6,
+    velocity_walk_m_s_sqrt_h: float = Field(
+        6e-5,
         ge=0,
-        le=1.0,
-        description="process noise: white acceleration, 1 sigma of each component [m/s^1.5]; assumed: what is left unmodelled",
+        le=1e3,
+        description="process noise: random walk of each component of the velocity by forces that the filter does not know, "
+        "1 sigma [m/s/sqrt(h)]; assumed: 0.2 mm/s in half a day",
     )
     methods: tuple[Method, ...] = Field(
         ("centroid", "limb", "landmarks"),

@@ -24,19 +24,19 @@ class Photometry(Section):
     )
     phase_exponents: tuple[float, float, float] = Field(
         (0.0, 0.0, 0.0),
-        description="b, c, d of the phase function exp(b a + c a^2 + d a^3) with the phase angle a in deg, of lommel_seeliger, "
-        "lunar_lambert and akimov; zero: none beside the law's own",
+        description="b, c, d of the phase function exp(b a + c a^2 + d a^3), phase angle a in deg, of lommel_seeliger, "
+        "lunar_lambert and akimov [-]; zero: none beside the law's own",
     )
     partition: tuple[float, float, float] = Field(
         (-0.019, 2.42e-4, -1.46e-6),
-        description="of lunar_lambert: L = 1 + A a + B a^2 + C a^3 with a in deg, kept within 0 and 1; default: the Moon's, "
-        "McEwen 1996, Lunar and Planetary Science Conference 27, 841",
+        description="of lunar_lambert: A, B, C of L = 1 + A a + B a^2 + C a^3 with a in deg, kept within 0 and 1 [-]; default: "
+        "the Moon's, McEwen 1996, Lunar and Planetary Science Conference 27, 841",
     )
     asymmetry: float = Field(
         -0.25,
         gt=-1,
         lt=1,
-        description="of hapke: g of the Henyey-Greenstein function; below 0 it scatters backwards [-]",
+        description="of hapke: g of the Henyey-Greenstein function [-]; below 0 it scatters backwards",
     )
     opposition_amplitude: float = Field(1.0, ge=0, le=10, description="of hapke: B0 of the opposition effect [-]")
     opposition_width: float = Field(0.02, gt=0, le=1, description="of hapke: h of the opposition effect [-]")

@@ -1,0 +1,150 @@
+"""Linear covariance with pictures: what navigation will know along the planned paths, and what corrections make of that.
+
+Along each planned path pictures are made and measured from where the spacecraft is to be, for the geometry and noise of each;
+nothing is drawn but the noise of the pictures. With x the deviation from the plan and e the error of what is known of it, a
+correction burns gain (x + e). Both, and how they go together, are carried to the arrival: e by the filter, x along the path.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.optical import OpticalNavigator
+from swarm_mj.flight.plan import Plan
+from swarm_mj.flight.trajectory_corrections import CorrectionAnalysis, errors_of, legs_of
+from swarm_mj.mission.covariance import FlightErrors, Spread, burn_covariance
+from swarm_mj.mission.trajectories import Progress
+from swarm_mj.navigation.filter import SwarmFilter
+from swarm_mj.navigation.picture import Fix
+from swarm_mj.observation.camera import look_at
+from swarm_mj.observation.capture import Picture
+from swarm_mj.typing import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpticalAnalysis(CorrectionAnalysis):
+    """Linear covariance with pictures.
+
+    Attributes:
+        known: Covariance of what is known of the state at the arrival, shape (n, 6, 6) [m, m/s].
+        pictures: How many of each spacecraft's pictures told something, by way, in order of the spacecraft.
+    """
+
+    known: Array
+    pictures: tuple[dict[str, int], ...]
+
+
+def analyse_optical(plan: Plan, progress: Progress | None = None) -> OpticalAnalysis:
+    """Linear covariance of a plan with pictures from release to arrival, each spacecraft for itself, without ranges.
+
+    Raises:
+        ScenarioError: See `knots`; or the scenario does not navigate by pictures.
+        MissionError: A correction has no solution.
+    """
+    if plan.scenario.navigation.mode != "optical":
+        raise ScenarioError(
+            f"navigation.mode = {plan.scenario.navigation.mode}: must be optical for covariance with pictures; give "
+            "--set navigation.mode=optical"
+        )
+    legs, errors = legs_of(plan), errors_of(plan)
+    navigator, m, n = OpticalNavigator(plan), legs.n_corrections, plan.n
+    at_arrival, before = np.empty((m + 1, n, 6, 6)), np.empty((m, n, 6, 6))
+    delta_v, known = np.empty((m, n, 3, 3)), np.empty((n, 6, 6))
+    pictures: list[dict[str, int]] = []
+    gain, to_arrival = (legs.gain if m else np.empty((n, 0, 3, 6))), legs.to_arrival
+    for j in range(n):
+        start = navigator.filter_at(legs.times[j, 0], legs.r_N[j, 0], legs.v_N[j, 0])
+        along = _Along(navigator, start, j)
+        D, X = errors.release[j].copy(), np.zeros((6, len(start.x)))
+        at_arrival[0, j] = to_arrival[j, 0] @ D @ to_arrival[j, 0].T
+        for k in range(m + 1):
+            M = along.fly(legs.times[j, k + 1])
+            phi = legs.phi[j, k]
+            D, X = phi @ D @ phi.T, phi @ X @ M.T
+            if k == m:
+                break
+            P, G = along.filter.covariance(0), gain[j, k]
+            before[k, j] = D
+            own = X[:, :6]
+            wished = G @ (D + P + own + own.T) @ G.T
+            delta_v[k, j] = wished
+            burnt = np.eye(6)
+            burnt[3:] += G
+            push = np.zeros((6, 6))
+            push[3:] = G
+            noise = np.zeros((6, 6))
+            noise[3:, 3:] = burn_covariance(wished, errors)
+            whole = along.filter.P
+            D = burnt @ D @ burnt.T + push @ P @ push.T + burnt @ own @ push.T + push @ own.T @ burnt.T + noise
+            # What is known errs by what the burn errs by, with the sign of an estimate less a truth.
+            X = burnt @ X + push @ whole[:6]
+            X[3:, 3:6] -= noise[3:, 3:]
+            along.filter.push(0, np.zeros(3), noise[3:, 3:])
+            at_arrival[k + 1, j] = to_arrival[j, k + 1] @ D @ to_arrival[j, k + 1].T
+        known[j] = along.filter.covariance(0)
+        pictures.append(along.used)
+        if progress is not None:
+            progress((j + 1) / n)
+    # What burns err by is in these covariances already.
+    told = FlightErrors(release=errors.release)
+    return OpticalAnalysis(
+        plan=plan,
+        legs=legs,
+        errors=told,
+        spread=Spread(at_arrival=at_arrival, before=before, delta_v=delta_v),
+        known=known,
+        pictures=tuple(pictures),
+    )
+
+
+class _Along:
+    """Pictures along a planned path.
+
+    Attributes:
+        filter: What is known so far.
+        used: How many pictures told something, by way.
+    """
+
+    def __init__(self, navigator: OpticalNavigator, start: SwarmFilter, j: int) -> None:
+        self.filter, self.used = start, dict[str, int]()
+        self._navigator, self._j, self._due = navigator, j, start.t
+
+    def fly(self, end: float) -> Array:
+        """Go on to a later time [s]; gives how errors of the state then go with those at the beginning."""
+        each, late = self.filter, self._navigator.plan.scenario.navigation.optical.delay_s
+        M = np.eye(len(each.x))
+        # Pictures that are read out too late tell nothing by then.
+        while self._due <= end - late:
+            M = each.advance(max(self._due, each.t)) @ M
+            M = self._look(each.t) @ M
+            self._due = each.t + self._navigator.seconds_to_next(each.r_N, each.v_N)
+        return each.advance(end) @ M
+
+    def _look(self, t: float) -> Array:
+        """Take a picture; gives how errors of the state after it go with those before."""
+        each, plan, before = self.filter, self._navigator.plan, self.filter.S.copy()
+        if self._j >= plan.n_observers:
+            return np.eye(len(each.x))
+        C_AN = plan.environment.C_AN(t)
+        pose = look_at(C_AN @ each.r_N[0], np.zeros(3))
+        picture = Picture(t, self._j, pose.r_A, pose.C_CA, C_AN @ plan.environment.sun.at(t))
+        sigma = float(np.sqrt(np.linalg.eigvalsh(each.covariance(0)[:3, :3])[-1]))
+        fix = self._navigator.measured(picture, sigma)
+        if not isinstance(fix, Fix):
+            return np.eye(len(each.x))
+        self.used[fix.kind] = self.used.get(fix.kind, 0) + 1
+        each.use_fix(0, fix._replace(y=np.zeros_like(fix.y)), C_AN)
+        return _shrinkage(before, each.S)
+
+
+def _shrinkage(before: Array, after: Array) -> Array:
+    """1 - K H, which is P_after P_before^-1, of the roots of both, in even units, on the states that are uncertain."""
+    size = np.linalg.norm(before, axis=1)
+    on = np.flatnonzero(size > 0.0)
+    first, then = before[on] / size[on, None], after[on] / size[on, None]
+    found = np.eye(len(size))
+    found[np.ix_(on, on)] = np.linalg.solve(first @ first.T, then @ then.T).T * size[on, None] / size[on]
+    return found

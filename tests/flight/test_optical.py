@@ -1,0 +1,126 @@
+"""Navigation by pictures in whole flights: what is known, who uses it, and what is told of it."""
+
+import json
+
+import numpy as np
+import pytest
+
+import swarm_mj as sm
+from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.optical import first_sigmas
+from swarm_mj.flight.plan import make_plan
+from swarm_mj.records.summary_schema import RunSummary
+from swarm_mj.scenarios.loading import load_scenario
+
+#: A body of which nobody says how it reflects light.
+OTHER = {
+    "navigation.mode": "optical",
+    "body.shape": "ellipsoid",
+    "body.semi_axes_m": [9e3, 6e3, 6e3],
+    "body.gravity.model": "point_mass",
+    "body.gravity.parameters": {"gm": 4e5},
+}
+#: Bennu from 3 km, on its day side, by a camera that has it wholly in view; a flight of some minutes.
+CASE = {
+    "duration_s": 700,
+    "camera.half_angle_deg": 8.0,
+    "camera.resolution_px": 256,
+    "navigation.mode": "optical",
+    "navigation.optical.interval_s": 60,
+    "navigation.optical.interval_share": 1.0,
+    "spacecraft.sensors": "ideal",
+}
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return sm.fly("bennu-slow", CASE)
+
+
+def errors(telemetry):
+    return np.linalg.norm((telemetry["r_BN_N_estimate"] - telemetry["r_BN_N"]).values, axis=2)
+
+
+def test_pictures_tell_where_the_spacecraft_are(flight):
+    off, sigma = errors(flight.telemetry), flight.telemetry["position_sigma"].values
+    observers = slice(0, flight.plan.n_observers)
+    assert off[0, observers].min() > 3.0
+    assert off[-1, observers].max() < 0.2 * off[0, observers].min()
+    assert (off[-1, observers] < 5.0 * sigma[-1, observers]).all()
+    # Who takes no pictures knows what it knew.
+    assert off[-1, -1] > 0.3 * off[0, -1] and sigma[-1, -1] >= 0.99 * sigma[0, -1]
+
+
+def test_who_points_uses_what_is_known(flight):
+    # At the end of the approach the camera looks where the body is thought to be.
+    telemetry, k = flight.telemetry, 60
+    known, true = telemetry["r_BN_N_estimate"].values[k, 0], telemetry["r_BN_N"].values[k, 0]
+    los = telemetry["line_of_sight_N"].values[k, 0]
+    assert (
+        np.linalg.norm(los + known / np.linalg.norm(known))
+        < 1e-3 * np.linalg.norm(los + true / np.linalg.norm(true)) + 1e-5
+    )
+    plain = sm.fly("bennu-slow", {**CASE, "navigation.mode": "assumed"})
+    assert "r_BN_N_estimate" not in plain.telemetry and "optical" not in plain.summary
+
+
+def test_the_flight_tells_what_became_of_its_pictures(flight):
+    told = flight.summary["optical"]
+    records = json.loads(flight.telemetry.attrs["navigation"])
+    assert sum(told["used"].values()) + sum(told["not_used"].values()) == len(records) > 10
+    assert set(told["used"]) <= {"centroid", "limb", "landmarks"}
+    assert told["position_error_m_arrival"]["sc1"] < told["position_error_m_largest"]
+    assert any("navigation by pictures" in words for words in flight.findings)
+    RunSummary.model_validate(json.loads(json.dumps(flight.summary)))
+    again = sm.fly("bennu-slow", CASE)
+    assert np.array_equal(again.telemetry["r_BN_N_estimate"].values, flight.telemetry["r_BN_N_estimate"].values)
+
+
+def test_late_pictures_are_known_later_and_ranges_bind_the_swarm(flight):
+    late = sm.fly("bennu-slow", {**CASE, "duration_s": 600, "navigation.optical.delay_s": 90})
+    sigma = late.telemetry["position_sigma"].values[:, 0]
+    times = late.telemetry["time"].values
+    assert sigma[times < 90].min() > 0.9 * sigma[0] and sigma[times > 125].max() < 0.5 * sigma[0]
+    ranged = sm.fly("bennu-slow", {**CASE, "duration_s": 600, "navigation.optical.range_m": 1.0})
+    kinds = {one["kind"] for one in json.loads(ranged.telemetry.attrs["navigation"])}
+    assert "range" in kinds
+    # The relay, which takes no pictures, knows its distances.
+    assert ranged.telemetry["position_sigma"].values[-1, -1] < 0.9 * late.telemetry["position_sigma"].values[-1, -1]
+
+
+def test_corrections_burn_by_what_is_known():
+    case = {
+        **CASE,
+        "duration_s": 640,
+        "trajectory.corrections": [{"before_arrival_s": 300}],
+        "spacecraft.thrusters": {},
+        "dispersions.deployment_velocity_m_s": 0.02,
+        "seed": 3,
+    }
+    flight = sm.fly("bennu-slow", case)
+    uncorrected = sm.fly("bennu-slow", {**case, "trajectory.corrections": []})
+    miss, before = (each.summary["arrival_miss_mm"] for each in (flight, uncorrected))
+    assert np.mean([miss[f"sc{j}"] for j in (1, 2, 3)]) < 0.5 * np.mean([before[f"sc{j}"] for j in (1, 2, 3)])
+    found = sm.navigate("bennu-slow", case, optical=True)
+    expected = found.table["position_3_sigma_m"].xs(1, level="corrections")
+    assert 1e-3 * max(miss[f"sc{j}"] for j in (1, 2, 3)) < 1.5 * expected[["sc1", "sc2", "sc3"]].max()
+    assert found.summary["known_3_sigma_m"]["sc1"] < 5.0
+    assert any("pictures on the way" in words for words in found.findings)
+
+
+def test_what_is_known_at_first_goes_with_the_distance():
+    asked = load_scenario("eros-config2").navigation.optical
+    sigma = first_sigmas(
+        asked, np.array([[3e4, 0.0, 0.0], [1e9, 0.0, 0.0]]), np.array([[5.0, 0.0, 0.0], [7e3, 0.0, 0.0]])
+    )
+    assert np.allclose(sigma[0], [300.0] * 3 + [0.05] * 3) and np.allclose(sigma[1], [1e5] * 3 + [0.1] * 3)
+
+
+def test_what_cannot_be_is_refused():
+    with pytest.raises(ScenarioError, match=r"body\.photometry = null: pictures need"):
+        sm.fly("eros-quick", OTHER)
+    with pytest.raises(ScenarioError, match="runs = 100"):
+        sm.navigate("bennu-slow", runs=100, optical=True)
+    with pytest.raises(ScenarioError, match=r"navigation\.mode"):
+        load_scenario("eros-quick", {"navigation.mode": "visual"})
+    make_plan(load_scenario("eros-quick"))

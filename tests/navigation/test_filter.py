@@ -1,0 +1,151 @@
+"""The filter against batch least squares, and against what it says of its own errors."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.stats import chi2
+
+from swarm_mj.navigation.filter import FilterNoise, SwarmFilter
+from swarm_mj.navigation.picture import Fix
+
+GM = 4.46e5
+SPIN = np.array([0.0, 0.0, 3.3e-4])
+R0 = np.array([[-30e3, 8e3, 0.0], [-30e3, -9e3, 2e3]])
+V0 = np.array([[40.0, 3.0, 0.0], [42.0, -2.0, 1.0]])
+SIGMA = np.repeat((300.0, 0.3), 3)
+
+
+def pull(t, r):
+    return -GM * r / np.linalg.norm(r, axis=1, keepdims=True) ** 3
+
+
+def flown(r, v, t, gm=1.0):
+    """States after a time without noise, by another integrator."""
+
+    def rate(_, y):
+        return np.concatenate((y[r.size :], gm * pull(0.0, y[: r.size].reshape(r.shape)).ravel()))
+
+    y = solve_ivp(rate, (0.0, t), np.concatenate((r.ravel(), v.ravel())), rtol=1e-10, atol=1e-6).y[:, -1]
+    return y[: r.size].reshape(r.shape), y[r.size :].reshape(r.shape)
+
+
+def begun(noise, n=2):
+    return SwarmFilter(pull, GM, SPIN, noise, 0.0, R0[:n], V0[:n], np.tile(np.diag(SIGMA**2), (n, 1, 1)))
+
+
+def crossed(v):
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def flight(rng, noise, ranges, steps=8, dt=120.0):
+    """Errors of a flight's estimates at its end over what the filter says of them, and of its innovations."""
+    each = begun(noise)
+    start = SIGMA * rng.normal(size=(2, 6))
+    r, v = R0 + start[:, :3], V0 + start[:, 3:]
+    mount, gm = noise.mount * rng.normal(size=(2, 3)), 1.0 + noise.gm * rng.normal()
+    turned, nis, dof = noise.rotation * rng.normal(size=3), 0.0, 0
+    for k in range(steps):
+        for _ in range(4):
+            r, v = flown(r, v, dt / 4, gm)
+            v = v + noise.acceleration * np.sqrt(dt / 4) * rng.normal(size=v.shape)
+        each.advance((k + 1) * dt)
+        for j in range(2):
+            believed = each.r_N[j]
+            R = np.diag([20.0**2, 20.0**2, 100.0**2])
+            turn = crossed(believed)
+            error = turn @ (noise.attitude * rng.normal(size=3) + mount[j]) + np.sqrt(np.diag(R)) * rng.normal(size=3)
+            seen = r[j] - np.cross(turned, r[j]) - believed + error
+            update = each.use_fix(j, Fix("limb", seen, np.eye(3), R, turn, 1), np.eye(3))
+            nis, dof = nis + update.nis, dof + update.dof
+        if ranges:
+            update = each.use_range(0, 1, float(np.linalg.norm(r[1] - r[0]) + rng.normal()), 1.0)
+            nis, dof = nis + update.nis, dof + 1
+    error = np.concatenate((r - each.r_N, v - each.v_N), axis=1)
+    nees = sum(error[j] @ np.linalg.solve(each.covariance(j), error[j]) for j in range(2))
+    return nees, nis, dof
+
+
+@pytest.mark.parametrize(
+    ("noise", "ranges"),
+    [
+        (FilterNoise(acceleration=1e-4), False),
+        (FilterNoise(acceleration=1e-4, attitude=1e-4, mount=1.5e-4, gm=0.05), True),
+        (FilterNoise(acceleration=1e-4, rotation=1e-3), True),
+    ],
+)
+def test_estimates_and_innovations_err_as_the_filter_says(noise, ranges):
+    rng = np.random.default_rng(0)
+    flights = [flight(rng, noise, ranges) for _ in range(25)]
+    nees, nis, dof = (sum(column) for column in zip(*flights, strict=True))
+    assert chi2.ppf(1e-4, 12 * 25) < nees < chi2.isf(1e-4, 12 * 25)
+    assert chi2.ppf(1e-4, dof) < nis < chi2.isf(1e-4, dof)
+
+
+def test_without_process_noise_it_is_batch_least_squares():
+    rng, each, times = np.random.default_rng(1), begun(FilterNoise(), 1), (200.0, 400.0, 600.0)
+    R = np.diag([30.0, 20.0, 80.0]) ** 2
+    # Derivatives at the plan, by differences of another integrator.
+    steps = np.diag(np.repeat((10.0, 0.01), 3))
+
+    def place(x, t):
+        return flown(x[None, :3], x[None, 3:], t)[0][0]
+
+    x0 = np.concatenate((R0[0], V0[0]))
+    info, right = np.diag(1.0 / SIGMA**2), np.zeros(6)
+    for t in times:
+        H = np.stack([(place(x0 + s, t) - place(x0 - s, t)) / (2 * np.abs(s).max()) for s in steps], axis=1)
+        offset = np.array([15.0, -10.0, 25.0]) * rng.normal(size=3)
+        each.advance(t)
+        seen = place(x0, t) + offset - each.r_N[0]
+        each.use_fix(0, Fix("limb", seen, np.eye(3), R, np.zeros((3, 3)), 1), np.eye(3))
+        info, right = info + H.T @ np.linalg.solve(R, H), right + H.T @ np.linalg.solve(R, offset)
+    dx = np.linalg.solve(info, right)
+    r, v = flown((x0 + dx)[None, :3], (x0 + dx)[None, 3:], times[-1])
+    sigma = np.sqrt(np.diag(each.covariance(0)))
+    assert np.abs(np.concatenate((each.r_N[0] - r[0], each.v_N[0] - v[0])) / sigma).max() < 1e-3
+    plain = begun(FilterNoise(), 1)
+    phi = plain.advance(times[-1])[:6, :6]
+    assert np.allclose(
+        each.covariance(0) / np.outer(sigma, sigma),
+        (phi @ np.linalg.inv(info) @ phi.T) / np.outer(sigma, sigma),
+        atol=1e-3,
+    )
+
+
+def test_wild_measurements_are_refused_and_change_nothing():
+    each = begun(FilterNoise(), 1)
+    before = each.x.copy(), each.S.copy()
+    wild = Fix("limb", np.array([3e4, 0.0, 0.0]), np.eye(3), 100.0 * np.eye(3), np.zeros((3, 3)), 1)
+    update = each.use_fix(0, wild, np.eye(3))
+    assert not update.accepted and update.nis > 30.0
+    assert np.array_equal(each.x, before[0]) and np.array_equal(each.S, before[1])
+
+
+def test_a_range_tells_both_spacecraft_and_is_not_counted_twice():
+    each = begun(FilterNoise())
+    distance = float(np.linalg.norm(R0[1] - R0[0]))
+    along = (R0[1] - R0[0]) / distance
+    for _ in range(2):
+        each.use_range(0, 1, distance, 1.0)
+    P = each.P
+    between = np.zeros(len(P))
+    between[9:12], between[:3] = along, -along
+    assert np.sqrt(between @ P @ between) < 40.0  # far less than 300 sqrt(2), not below what two ranges give
+    own = [float(along @ each.covariance(j)[:3, :3] @ along) for j in range(2)]
+    # Their mean is as unknown as ever, so that neither knows more than half of what one range could say.
+    assert min(own) > 0.49 * 300.0**2
+
+
+def test_a_push_and_a_coast_go_together():
+    each = begun(FilterNoise(), 1)
+    push = np.array([0.5, -0.2, 0.1])
+    there = each.coast(300.0, [(100.0, 0, push)])
+    each.advance(100.0)
+    each.push(0, push, np.zeros((3, 3)))
+    each.advance(300.0)
+    assert np.allclose(there.r_N, each.r_N, atol=1e-6) and np.allclose(
+        there.covariance(0), each.covariance(0), rtol=1e-9
+    )
+    r, v = flown(R0[:1], V0[:1], 100.0)
+    r, _ = flown(r, v + push, 200.0)
+    assert np.allclose(each.r_N, r, atol=1e-3)
