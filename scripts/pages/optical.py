@@ -262,12 +262,13 @@ def pictures() -> tuple[str, str]:
         theirs_s = time.perf_counter() - begun
     on = (ours > 0.0) | (theirs > 0.0)
     off = np.abs(ours - theirs)[on] / theirs.max()
+    total, median, near = abs(ours.sum() / theirs.sum() - 1.0), np.median(off), (off < 0.01).mean()
     return speed, (
-        f"Mitsuba {mi.__version__} (direct light, 64 stratified samples a pixel) against ours with 8 x 8: the sum of all light "
-        f"differs by {100.0 * abs(ours.sum() / theirs.sum() - 1.0):.3f} %, the median pixel by {100.0 * np.median(off):.3f} % of "
-        f"the brightest, and {100.0 * (off < 0.01).mean():.1f} % of the pixels by less than 1 %; the others are edges of body and "
-        f"shadows, where 64 samples fall on both sides by chance. Mitsuba took {theirs_s / ours_s:.0f} times as long "
-        "(its scalar variant, all cores; ours on one)."
+        f"Mitsuba {mi.__version__} (direct light, 64 stratified samples a pixel) against ours with 8 x 8: the sum of all "
+        f"light differs by {100.0 * total:.3f} %, the median pixel by {100.0 * median:.3f} % of the brightest, and "
+        f"{100.0 * near:.1f} % of the pixels by less than 1 %; the others are edges of the body and of shadows, where 64 "
+        f"samples fall on both sides by chance. Mitsuba took {theirs_s / ours_s:.0f} times as long (its scalar variant, all "
+        "cores; ours on one)."
     )
 
 

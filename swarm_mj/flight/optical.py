@@ -9,7 +9,7 @@ and gyro give, and goes into a filter. Known positions less true ones are writte
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
-from math import radians
+from math import ceil, radians
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,8 @@ FILTERED = 12.0 / 25.0
 SHORTEST_S = 1.0
 #: What is known at first where the scenario does not say: shares of distance and speed, and at most [m, m/s].
 FIRST_SHARE, FIRST_MOST = 0.01, (1e5, 0.1)
+#: Nearer to each other, as just after their release, spacecraft do not range [m].
+LEAST_RANGE_M = 10.0
 WILD = "too far from what was believed"
 
 
@@ -156,9 +158,11 @@ class OpticalNavigator:
             self._waiting += [_Event(t + late, t, i, other=j, range_m=d) for i, j, d in self._ranges(simulation)]
         self._use_what_is_known_by(t)
         self._write(simulation)
-        burns = [k for k in self._burn_ticks if k > tick]
-        soon = tick + max(1, round(1.0 / simulation.period)) if firing else self._next
-        self.due = min(self._next, soon, *burns[:1])
+        soon = [k for k in self._burn_ticks if k > tick][:1]
+        soon += [tick + max(1, round(1.0 / simulation.period))] if firing else []
+        # When what was seen is read out; no sooner than the next period, whatever rounding says.
+        soon += [max(ceil(one.known_at / simulation.period - 1e-6), tick + 1) for one in self._waiting]
+        self.due = min([self._next, *soon])
 
     def sampled(self, simulation: Simulation) -> dict[str, NDArray[Any]]:
         """Estimates and what their filters believe of them."""
@@ -283,6 +287,8 @@ class OpticalNavigator:
             for j in np.flatnonzero(working[i + 1 :]) + i + 1:
                 between = r_N[j] - r_N[i]
                 distance = float(np.linalg.norm(between))
+                if distance < LEAST_RANGE_M:
+                    continue
                 along = float(np.clip(-(r_N[i] @ between) / distance**2, 0.0, 1.0))
                 if distance > most_m or np.linalg.norm(r_N[i] + along * between) < self._predictor.radius:
                     continue

@@ -22,11 +22,11 @@ OTHER = {
 }
 #: Bennu from 3 km, on its day side, by a camera that has it wholly in view; a flight of some minutes.
 CASE = {
-    "duration_s": 700,
+    "duration_s": 600,
     "camera.half_angle_deg": 8.0,
     "camera.resolution_px": 256,
     "navigation.mode": "optical",
-    "navigation.optical.interval_s": 60,
+    "navigation.optical.interval_s": 120,
     "navigation.optical.interval_share": 1.0,
     "spacecraft.sensors": "ideal",
 }
@@ -53,7 +53,7 @@ def test_pictures_tell_where_the_spacecraft_are(flight):
 
 def test_who_points_uses_what_is_known(flight):
     # At the end of the approach the camera looks where the body is thought to be.
-    telemetry, k = flight.telemetry, 60
+    telemetry, k = flight.telemetry, 50
     known, true = telemetry["r_BN_N_estimate"].values[k, 0], telemetry["r_BN_N"].values[k, 0]
     los = telemetry["line_of_sight_N"].values[k, 0]
     assert (
@@ -67,38 +67,36 @@ def test_who_points_uses_what_is_known(flight):
 def test_the_flight_tells_what_became_of_its_pictures(flight):
     told = flight.summary["optical"]
     records = json.loads(flight.telemetry.attrs["navigation"])
-    assert sum(told["used"].values()) + sum(told["not_used"].values()) == len(records) > 10
+    assert sum(told["used"].values()) + sum(told["not_used"].values()) == len(records) >= 9
     assert set(told["used"]) <= {"centroid", "limb", "landmarks"}
     assert told["position_error_m_arrival"]["sc1"] < told["position_error_m_largest"]
     assert any("navigation by pictures" in words for words in flight.findings)
     RunSummary.model_validate(json.loads(json.dumps(flight.summary)))
-    again = sm.fly("bennu-slow", CASE)
-    assert np.array_equal(again.telemetry["r_BN_N_estimate"].values, flight.telemetry["r_BN_N_estimate"].values)
 
 
-def test_late_pictures_are_known_later_and_ranges_bind_the_swarm(flight):
-    late = sm.fly("bennu-slow", {**CASE, "duration_s": 600, "navigation.optical.delay_s": 90})
-    sigma = late.telemetry["position_sigma"].values[:, 0]
-    times = late.telemetry["time"].values
-    assert sigma[times < 90].min() > 0.9 * sigma[0] and sigma[times > 125].max() < 0.5 * sigma[0]
-    ranged = sm.fly("bennu-slow", {**CASE, "duration_s": 600, "navigation.optical.range_m": 1.0})
-    kinds = {one["kind"] for one in json.loads(ranged.telemetry.attrs["navigation"])}
-    assert "range" in kinds
-    # The relay, which takes no pictures, knows its distances.
-    assert ranged.telemetry["position_sigma"].values[-1, -1] < 0.9 * late.telemetry["position_sigma"].values[-1, -1]
+def test_late_pictures_are_known_later_and_ranges_bind_the_swarm():
+    changes = {"navigation.optical.delay_s": 90, "navigation.optical.range_m": 1.0}
+    late = sm.fly("bennu-slow", {**CASE, **changes})
+    sigma, times = late.telemetry["position_sigma"].values, late.telemetry["time"].values
+    # The first pictures are taken when there is a target, 120 s after the start.
+    assert sigma[times < 205, 0].min() > 0.9 * sigma[0, 0] and sigma[times > 215, 0].max() < 0.5 * sigma[0, 0]
+    records = json.loads(late.telemetry.attrs["navigation"])
+    assert {one["kind"] for one in records} >= {"range"} and "sc1-sc2" in {one["spacecraft"] for one in records}
+    # The relay, which takes no pictures, knows its distances to those that do.
+    assert sigma[-1, -1] < 0.9 * sigma[0, -1]
+    assert errors(late.telemetry)[-1, -1] < 5.0 * sigma[-1, -1]
 
 
 def test_corrections_burn_by_what_is_known():
     case = {
         **CASE,
-        "duration_s": 640,
         "trajectory.corrections": [{"before_arrival_s": 300}],
         "spacecraft.thrusters": {},
         "dispersions.deployment_velocity_m_s": 0.02,
         "seed": 3,
     }
     flight = sm.fly("bennu-slow", case)
-    uncorrected = sm.fly("bennu-slow", {**case, "trajectory.corrections": []})
+    uncorrected = sm.fly("bennu-slow", {**case, "trajectory.corrections": [], "navigation.mode": "assumed"})
     miss, before = (each.summary["arrival_miss_mm"] for each in (flight, uncorrected))
     assert np.mean([miss[f"sc{j}"] for j in (1, 2, 3)]) < 0.5 * np.mean([before[f"sc{j}"] for j in (1, 2, 3)])
     found = sm.navigate("bennu-slow", case, optical=True)
