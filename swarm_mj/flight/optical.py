@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.pictures import PictureMaker
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.trajectory_corrections import knots
@@ -89,6 +90,12 @@ class OpticalNavigator:
         """Make what the pictures of all flights share."""
         plan, scenario = self.plan, self.plan.scenario
         asked = scenario.navigation.optical
+        for key, given in (("companion", scenario.companion), ("camera.gimbal", scenario.camera.gimbal)):
+            if given is not None:
+                raise ScenarioError(
+                    f"{key}: navigation by pictures knows one body and cameras that do not turn by themselves; leave it out, or "
+                    "navigation.mode: assumed"
+                )
         self._maker = PictureMaker(plan)
         surface = body_surface(scenario.body)
         assert surface is not None  # pictures can be made
@@ -102,7 +109,12 @@ class OpticalNavigator:
         self._noise = FilterNoise(
             acceleration=asked.velocity_walk_m_s_sqrt_h / 60.0,
             attitude=FILTERED * sensors.star_tracker_noise_arcsec * ARCSEC,
-            mount=sensors.star_tracker_bias_arcsec * ARCSEC,
+            # What the camera is turned by besides the spacecraft does not know; as if each axis were by as much.
+            mount=float(
+                np.hypot(
+                    sensors.star_tracker_bias_arcsec * ARCSEC, radians(max(map(abs, scenario.camera.misalignment_deg)))
+                )
+            ),
             gm=0.01 * asked.gm_percent,
             rotation=radians(asked.rotation_deg),
             spin=0.01 * asked.spin_percent * abs(plan.environment.spin_rate),
@@ -272,8 +284,12 @@ class OpticalNavigator:
         injection, q_BN = simulation.injection, simulation.state.q_BN
         if injection is None or not injection.sensing.active:
             return q_BN
-        known = injection.sensing.knowledge.q_BN
-        return known if np.linalg.norm(known, axis=1).all() else q_BN
+        knowledge = injection.sensing.knowledge
+        if not np.linalg.norm(knowledge.q_BN, axis=1).all():
+            return q_BN
+        # What is known was read at the decision before: a control period ago.
+        turned = Rotation.from_rotvec(knowledge.omega_BN_B * simulation.period)
+        return (Rotation.from_quat(knowledge.q_BN, scalar_first=True) * turned).as_quat(scalar_first=True)
 
     def _ranges(self, simulation: Simulation) -> list[tuple[int, int, float]]:
         """Ranges between spacecraft in reach of each other that the body does not part, of one group."""

@@ -12,6 +12,8 @@ from swarm_mj.scenarios.schema_navigation import OpticalNavigation
 
 #: How far landmarks are looked for at least [px], and how many sigmas of the believed position.
 SEARCH_PX, SEARCH_SIGMAS = 6.0, 3.0
+#: Share of a picture's bright pixels that may be saturated.
+SATURATED = 0.2
 
 
 def measure(seen: SeenPicture, predictor: Predictor, asked: OpticalNavigation, position_sigma: float) -> Fix | Rejected:
@@ -26,6 +28,9 @@ def measure(seen: SeenPicture, predictor: Predictor, asked: OpticalNavigation, p
     Returns:
         What it told, or why nothing, way by way.
     """
+    bright = seen.signal > 6.0 * np.sqrt(seen.background)
+    if seen.saturated.sum() > SATURATED * bright.sum():
+        return Rejected("none", "saturated pixels: a shorter exposure is needed (camera.detector.exposure_range_s)")
     refused: list[Rejected] = []
     for method in suited(asked, predictor.diameter_px(seen)):
         if method == "centroid":

@@ -47,7 +47,7 @@ class Detector(Section):
         "well [-]",
     )
     exposure_range_s: tuple[float, float] = Field(
-        (1e-6, 10.0),
+        (1e-9, 10.0),
         description="shortest and longest automatic exposure [s]; assumed: a stop or a filter before a wide lens counts as a "
         "shorter exposure",
     )

@@ -18,11 +18,11 @@ class OpticalNavigation(Section):
         600.0, gt=0, le=1e7, description="longest time between two pictures for navigation of a spacecraft [s]"
     )
     interval_share: float = Field(
-        0.05,
+        0.2,
         gt=0,
         le=10,
         description="the same over the distance from the body's centre over the speed [-]: near the body pictures come more "
-        "often, and at most one a second; default: some sixty from a hundred radii out to the closest approach",
+        "often, and at most one a second; default: some twenty from a hundred radii out to the closest approach",
     )
     delay_s: float = Field(
         0.0, ge=0, le=1e6, description="from a picture until what it told is known aboard: read-out and processing [s]"
