@@ -149,3 +149,27 @@ def test_a_push_and_a_coast_go_together():
     r, v = flown(R0[:1], V0[:1], 100.0)
     r, _ = flown(r, v + push, 200.0)
     assert np.allclose(each.r_N, r, atol=1e-3)
+
+
+def known_place(noise):
+    """A filter that knows its place to a metre, and the turns of what else it does not."""
+    sigma = np.repeat((1.0, 1e-3), 3)
+    return SwarmFilter(pull, GM, SPIN, noise, 0.0, R0[:1], V0[:1], np.diag(sigma**2)[None])
+
+
+def test_how_the_body_is_turned_otherwise_is_found_with_its_sign():
+    each, turned = known_place(FilterNoise(rotation=1e-3)), 1e-3 * np.array([0.5, -0.8, 0.3])
+    # The camera seems to stand elsewhere by the turn, whatever turn about the line of sight is.
+    seen = Fix("limb", -np.cross(turned, R0[0]), np.eye(3), np.eye(3), np.zeros((3, 3)), 1)
+    each.use_fix(0, seen, np.eye(3))
+    across = np.eye(3) - np.outer(R0[0], R0[0]) / (R0[0] @ R0[0])
+    assert np.allclose(each.rotation_error(0.0), across @ turned, atol=1e-4)
+
+
+def test_what_a_camera_is_turned_by_is_told_once():
+    each, mount = known_place(FilterNoise(mount=1e-3)), 1e-3 * np.array([0.7, 0.2, -0.4])
+    turn = crossed(R0[0])
+    across = np.eye(3) - np.outer(R0[0], R0[0]) / (R0[0] @ R0[0])
+    for _ in range(3):
+        assert each.use_fix(0, Fix("limb", turn @ mount, np.eye(3), np.eye(3), turn, 1), np.eye(3)).accepted
+        assert np.allclose(each.mount[0], across @ mount, atol=1e-4)

@@ -90,6 +90,19 @@ def test_a_smooth_hapke_surface_is_that_of_the_exact_h_function():
     assert radiance_factor(surface, mu0, mu, np.cos(phase)) == pytest.approx(exact, rel=0.01)
 
 
+def test_roughness_under_the_sun_in_the_zenith_is_its_closed_form():
+    # Without a tilt of the light nothing depends on azimuth, and no shadow is seen.
+    w, emission, t = 0.4, np.radians(55.0), np.tan(np.radians(25.0))
+    chi, cot = 1.0 / np.sqrt(1.0 + np.pi * t**2), 1.0 / t / np.tan(emission)
+    e1, e2 = np.exp(-2.0 / np.pi * cot), np.exp(-(cot**2) / np.pi)
+    tilted = chi * (np.cos(emission) + np.sin(emission) * t * e2 / (2.0 - e1))
+    rough = law("hapke", albedo=w, asymmetry=0.0, opposition_amplitude=0.0, roughness_deg=25.0)
+    smooth = law("hapke", albedo=w, asymmetry=0.0, opposition_amplitude=0.0, roughness_deg=0.0)
+    found = radiance_factor(rough, 1.0, np.cos(emission), np.cos(emission))
+    # A smooth surface at the effective angles; its phase angle plays no part here.
+    assert found == pytest.approx(radiance_factor(smooth, chi, tilted, np.cos(emission)), rel=1e-6)
+
+
 def test_roughness_shades_at_large_angles_and_leaves_the_zenith():
     smooth, rough = law("hapke", roughness_deg=0.0), law("hapke", roughness_deg=30.0)
     zenith = [radiance_factor(each, 1.0, 1.0, 1.0) for each in (smooth, rough)]
