@@ -93,8 +93,8 @@ class OpticalNavigator:
         for key, given in (("companion", scenario.companion), ("camera.gimbal", scenario.camera.gimbal)):
             if given is not None:
                 raise ScenarioError(
-                    f"{key}: navigation by pictures knows one body and cameras that do not turn by themselves; leave it out, or "
-                    "navigation.mode: assumed"
+                    f"{key}: navigation by pictures knows one body, and cameras that do not turn by themselves; leave it out, "
+                    "or navigation.mode: assumed"
                 )
         self._maker = PictureMaker(plan)
         surface = body_surface(scenario.body)

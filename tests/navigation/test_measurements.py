@@ -88,26 +88,26 @@ def consistent(studio, measured, sizes, count, seed, *, prior=1e-3, phases=(5.0,
 
 
 def test_centres_of_brightness_err_as_they_say(studio):
-    found = consistent(studio, lambda seen: measure_centroid(seen, studio.predictor), (2.0, 40.0), 40, 1)
+    found = consistent(studio, lambda seen: measure_centroid(seen, studio.predictor), (2.0, 40.0), 24, 1)
     assert all(isinstance(fix, Fix) for fix in found)
 
 
 def test_limbs_err_as_they_say_and_tell_the_distance(studio):
-    found = consistent(studio, lambda seen: measure_limb(seen, studio.predictor), (25.0, 90.0), 16, 2)
-    assert sum(isinstance(fix, Fix) for fix in found) >= 15
+    found = consistent(studio, lambda seen: measure_limb(seen, studio.predictor), (25.0, 90.0), 10, 2)
+    assert sum(isinstance(fix, Fix) for fix in found) >= 9
     assert all(len(fix.y) == 3 for fix in found if isinstance(fix, Fix))
 
 
 def test_limbs_of_a_body_of_any_shape_err_as_they_say():
     lump = Studio(*ball(4, (1000.0, 600.0, 450.0)), law="hapke")
-    consistent(lump, lambda seen: measure_limb(seen, lump.predictor), (40.0, 90.0), 12, 3)
+    consistent(lump, lambda seen: measure_limb(seen, lump.predictor), (40.0, 90.0), 8, 3)
 
 
 def test_horizons_of_ellipsoids_err_no_more_than_they_say():
     axes = np.array([1000.0, 700.0, 600.0])
     studio = Studio(*ball(5, tuple(axes)))
     rng = np.random.default_rng(5)
-    for _ in range(8):
+    for _ in range(5):
         r_A, C_CA, sun_A = geometry(rng, studio.distance(90.0), rng.uniform(0.5, 1.8), 0.01)
         off = 1e-3 * np.linalg.norm(r_A) * rng.normal(size=3)
         fix = measure_horizon(studio.shot(r_A, C_CA, sun_A, rng, r_A + off), studio.predictor, axes)
@@ -151,7 +151,7 @@ def test_landmarks_find_the_way_back_close_to_rough_ground():
     vertices, faces = ball(5)
     rng = np.random.default_rng(3)
     rough = Studio(vertices * (1.0 + 0.01 * rng.normal(size=(len(vertices), 1))), faces)
-    for _ in range(3):
+    for _ in range(2):
         r_A, C_CA, sun_A = geometry(rng, rough.distance(500.0), rng.uniform(0.6, 1.4), 0.02)
         off = 4e-3 * np.linalg.norm(r_A) * rng.normal(size=3)
         fix = measure_landmarks(rough.shot(r_A, C_CA, sun_A, rng, r_A + off), rough.predictor, search_px=20.0)
