@@ -171,7 +171,7 @@ def _chosen_spacecraft(states: FlightStates, asked: Iterable[int] | None) -> set
 
 def _astropy_fits() -> Any:
     try:
-        from astropy.io import fits  # type: ignore[import-untyped]
+        from astropy.io import fits
     except ImportError:
         raise InteropError("FITS needs astropy, which is not installed: pip install 'swarm_mj[fits]'") from None
     return fits
