@@ -69,7 +69,3 @@ class PluginError(SwarmError):
 
 class InteropError(SwarmError):
     """A file for or from another program cannot be written, read or believed; names file, key, value and the remedy."""
-
-
-class NavigationError(SwarmError):
-    """Navigation by pictures is not possible so, or needs what is not installed; names the key and the remedy."""

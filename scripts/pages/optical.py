@@ -24,7 +24,7 @@ from swarm_mj.io.atomic import write_text
 from swarm_mj.navigation.centroid import measure_centroid
 from swarm_mj.navigation.landmarks import measure_landmarks
 from swarm_mj.navigation.limb import measure_horizon, measure_limb
-from swarm_mj.navigation.picture import FEWEST_SAMPLES, Fix, Predictor, Rejected, SeenPicture, edge_error
+from swarm_mj.navigation.picture import FEWEST_SAMPLES, Fix, Predictor, Rejected, SeenPicture
 from swarm_mj.observation.camera import CameraModel, CameraPose, look_at
 from swarm_mj.observation.detector import DetectorModel
 from swarm_mj.observation.lens import lens_of
@@ -121,21 +121,11 @@ class Studio:
 
     def shot(self, r_A: Array, C_CA: Array, sun_A: Array, rng: np.random.Generator, believed_A: Array) -> SeenPicture:
         """A picture from a pose, believed to be taken from elsewhere."""
-        psf_px, distance = CAMERA.detector.psf_sigma_px, float(np.linalg.norm(r_A))
+        psf_px = CAMERA.detector.psf_sigma_px
         factor = self.body.draw_spread(LENS, CameraPose(r_A, C_CA), sun_A, psf_px, fewest=FEWEST_SAMPLES)
         exposed = self.detector.expose(factor, float(np.linalg.norm(sun_A)), rng)
-        return SeenPicture(
-            signal=exposed.signal,
-            variance=exposed.variance,
-            background=exposed.background_variance,
-            per_factor=exposed.electrons_per_factor,
-            saturated=exposed.saturated,
-            lens=LENS,
-            psf_px=psf_px,
-            edge_px=edge_error(2.0 * self.radius * LENS.focal_px / distance),
-            pose=CameraPose(believed_A, C_CA),
-            sun_A=sun_A,
-        )
+        diameter_px = self.predictor.diameter_at(float(np.linalg.norm(r_A)), LENS)
+        return SeenPicture.of(exposed, LENS, psf_px, diameter_px, CameraPose(believed_A, C_CA), sun_A)
 
 
 def geometry(rng: np.random.Generator, distance: float) -> tuple[Array, Array, Array]:

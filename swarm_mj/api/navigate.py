@@ -14,7 +14,6 @@ import pandas as pd
 from swarm_mj import __version__
 from swarm_mj.api.scenario import Scenario, load
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.optical_covariance import OpticalAnalysis, analyse_optical
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.flight.trajectory_corrections import CorrectionAnalysis, analyse_corrections
 from swarm_mj.io.atomic import atomic_file
@@ -24,7 +23,6 @@ from swarm_mj.records.navigation import (
     known_3_sigma,
     navigation_findings,
     navigation_rows,
-    optical_sentence,
     total_delta_v,
 )
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
@@ -103,8 +101,6 @@ class Navigation:
     def findings(self) -> list[str]:
         """What to know, one sentence each."""
         found = navigation_findings(self.found)
-        if isinstance(self.found, OpticalAnalysis):
-            found.append(optical_sentence(self.found))
         if self.flights is not None and self.agreement is not None:
             worst, n = float(self.agreement["chance"].min()), len(self.agreement)
             runs = len(self.flights.deviation)
@@ -129,7 +125,7 @@ class Navigation:
             "delta_v_m_s": self.delta_v.to_dict(orient="index"),
             "agreement": None if agreement is None else agreement.to_dict(orient="index"),
             "flights": None if self.flights is None else len(self.flights.deviation),
-            "known_3_sigma_m": known_3_sigma(self.found) if isinstance(self.found, OpticalAnalysis) else None,
+            "known_3_sigma_m": known_3_sigma(self.found),
             "findings": self.findings,
         }
 
@@ -184,6 +180,8 @@ def navigate(
         with stages.stage("design", "trajectories"):
             plan = make_plan(scenario)
         if optical:
+            from swarm_mj.flight.optical_covariance import analyse_optical
+
             with stages.stage("covariance", "pictures along the way", 1.0) as done:
                 return Navigation(analyse_optical(plan, done))
         with stages.stage("covariance", "covariance"):

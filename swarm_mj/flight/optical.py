@@ -19,11 +19,13 @@ from scipy.spatial.transform import Rotation
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.pictures import PictureMaker
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.trajectory_corrections import knots
+from swarm_mj.flight.trajectory_corrections import errors_of, knots
 from swarm_mj.mission.behaviors import looks_at_body
-from swarm_mj.navigation.filter import Acceleration, FilterNoise, SwarmFilter
+from swarm_mj.mission.covariance import burn_covariance
+from swarm_mj.mission.trajectories import AccelerationN
+from swarm_mj.navigation.filter import FilterNoise, SwarmFilter
 from swarm_mj.navigation.measure import measure
-from swarm_mj.navigation.picture import FEWEST_SAMPLES, Fix, Predictor, Rejected, SeenPicture, edge_error
+from swarm_mj.navigation.picture import FEWEST_SAMPLES, Fix, Predictor, Rejected, SeenPicture
 from swarm_mj.observation.camera import CameraMotion, CameraPose
 from swarm_mj.observation.capture import Picture
 from swarm_mj.observation.photometry import body_surface
@@ -44,6 +46,7 @@ SHORTEST_S = 1.0
 FIRST_SHARE, FIRST_MOST = 0.01, (1e5, 0.1)
 #: Nearer to each other, as just after their release, spacecraft do not range [m].
 LEAST_RANGE_M = 10.0
+#: What is told of a measurement that the filter refuses.
 WILD = "too far from what was believed"
 
 
@@ -120,7 +123,7 @@ class OpticalNavigator:
             spin=0.01 * asked.spin_percent * abs(plan.environment.spin_rate),
         )
         self._gm = float(getattr(plan.environment.gravity, "gm", 0.0))
-        period = scenario.control.period_s
+        self._errors, period = errors_of(plan), scenario.control.period_s
         self._burn_ticks: list[int] = []
         if scenario.trajectory.corrections:
             times = knots(scenario, plan.deployment.release_s, plan.deployment.arrival_s)[:, 1:-1]
@@ -137,22 +140,8 @@ class OpticalNavigator:
         body = stream(seed, Stream.BODY_KNOWLEDGE).standard_normal(5)
         self._turned, self._spun = self._noise.rotation * body[:3], self._noise.spin * float(body[3])
         gm_ratio = 1.0 + self._noise.gm * float(body[4])
-        forces, environment = _believed_forces(plan, gm_ratio), plan.environment
         groups = [list(range(n))] if asked.range_m is not None and n > 1 else [[j] for j in range(n)]
-        P = np.array([np.diag(each**2) for each in sigma])
-        self._filters = [
-            SwarmFilter(
-                forces,
-                self._gm * gm_ratio,
-                environment.spin_N,
-                self._noise,
-                0.0,
-                start[who, :3],
-                start[who, 3:],
-                P[who],
-            )
-            for who in groups
-        ]
+        self._filters = [self.filter_at(0.0, start[who], sigma[who], gm_ratio) for who in groups]
         self._place = {j: (g, who.index(j)) for g, who in enumerate(groups) for j in who}
         self._waiting: list[_Event] = []
         self._pushed, self._aboard, self._next = np.zeros((n, 3)), ~state.released.copy(), 0
@@ -165,15 +154,15 @@ class OpticalNavigator:
         firing = self._note_pushes(simulation)
         if tick >= self._next:
             self._next = tick + self._ticks_to_next(simulation)
-            late = self.plan.scenario.navigation.optical.delay_s
-            self._waiting += [_Event(t + late, t, j, picture=seen) for j, seen in self._pictures(simulation)]
-            self._waiting += [_Event(t + late, t, i, other=j, range_m=d) for i, j, d in self._ranges(simulation)]
+            self._waiting += [_Event(t, j, picture=seen) for j, seen in self._pictures(simulation)]
+            self._waiting += [_Event(t, i, other=j, range_m=d) for i, j, d in self._ranges(simulation)]
         self._use_what_is_known_by(t)
         self._write(simulation)
         soon = [k for k in self._burn_ticks if k > tick][:1]
         soon += [tick + max(1, round(1.0 / simulation.period))] if firing else []
         # When what was seen is read out; no sooner than the next period, whatever rounding says.
-        soon += [max(ceil(one.known_at / simulation.period - 1e-6), tick + 1) for one in self._waiting]
+        late = self.plan.scenario.navigation.optical.delay_s
+        soon += [max(ceil((one.t + late) / simulation.period - 1e-6), tick + 1) for one in self._waiting]
         self.due = min([self._next, *soon])
 
     def sampled(self, simulation: Simulation) -> dict[str, NDArray[Any]]:
@@ -195,14 +184,19 @@ class OpticalNavigator:
         passing = np.linalg.norm(r_N, axis=1) / np.maximum(np.linalg.norm(v_N, axis=1), 1e-9)
         return max(min(asked.interval_s, asked.interval_share * float(passing.min())), SHORTEST_S)
 
-    def filter_at(self, t: float, r_N: Array, v_N: Array) -> SwarmFilter:
-        """The filter of one spacecraft that begins at a time [s] with a state, shape (3,) each, known as at a start."""
-        environment, sigma = (
-            self.plan.environment,
-            first_sigmas(self.plan.scenario.navigation.optical, r_N[None], v_N[None]),
-        )
-        forces, P = environment.acceleration_N, np.diag(sigma[0] ** 2)[None]
-        return SwarmFilter(forces, self._gm, environment.spin_N, self._noise, t, r_N[None], v_N[None], P)
+    def filter_at(self, t: float, start: Array, sigma: Array, gm_ratio: float = 1.0) -> SwarmFilter:
+        """The filter of k spacecraft that begins at a time [s].
+
+        Args:
+            t: Past the epoch [s].
+            start: Believed states in N, shape (k, 6) [m, m/s].
+            sigma: 1 sigma of each component, shape (k, 6) [m, m/s].
+            gm_ratio: Believed gravitational parameter over the true one [-].
+        """
+        P = np.array([np.diag(each**2) for each in sigma])
+        forces, gm = _believed_forces(self.plan, gm_ratio), self._gm * gm_ratio
+        spin_N = self.plan.environment.spin_N
+        return SwarmFilter(forces, gm, spin_N, self._noise, t, start[:, :3], start[:, 3:], P)
 
     def measured(self, picture: Picture, position_sigma: float) -> Fix | Rejected:
         """What a picture would tell that is taken from where and how it is believed to be."""
@@ -212,42 +206,26 @@ class OpticalNavigator:
 
     def _seen(self, picture: Picture, pose: CameraPose) -> SeenPicture:
         """A picture taken, as navigation is given it with a believed pose."""
-        exposed, lens = self._maker.take(picture, fewest=FEWEST_SAMPLES).exposed, self._maker.lens
-        distance = max(float(np.linalg.norm(picture.r_A)), self._predictor.radius)
-        return SeenPicture(
-            signal=exposed.signal,
-            variance=exposed.variance,
-            background=exposed.background_variance,
-            per_factor=exposed.electrons_per_factor,
-            saturated=exposed.saturated,
-            lens=lens,
-            psf_px=self.plan.scenario.camera.detector.psf_sigma_px,
-            edge_px=edge_error(2.0 * self._predictor.radius * lens.focal_px / distance),
-            pose=pose,
-            sun_A=np.asarray(picture.sun_A, np.float64),
-        )
+        exposed, lens = self._maker.take(picture, fewest=FEWEST_SAMPLES), self._maker.lens
+        diameter_px = self._predictor.diameter_at(float(np.linalg.norm(picture.r_A)), lens)
+        psf_px = self.plan.scenario.camera.detector.psf_sigma_px
+        return SeenPicture.of(exposed, lens, psf_px, diameter_px, pose, picture.sun_A)
 
     def _note_pushes(self, simulation: Simulation) -> bool:
         """Remember changes of velocity since the last look, by thrust or release; whether thrusters fire."""
         state, propulsion, plan, t = simulation.state, simulation.propulsion, self.plan, simulation.time
-        given = plan.scenario.dispersions
         for j in np.flatnonzero(self._aboard & state.released):
             push = plan.deployment.v0_N[j] - plan.deployment.release_mothership_v_N[j]
-            error = given.deployment_velocity_m_s**2 * np.eye(3)
-            self._waiting.append(
-                _Event(t, float(plan.deployment.release_s[j]), int(j), delta_v_N=push, covariance=error)
-            )
+            error = plan.scenario.dispersions.deployment_velocity_m_s**2 * np.eye(3)
+            self._waiting.append(_Event(float(plan.deployment.release_s[j]), int(j), delta_v_N=push, covariance=error))
         self._aboard &= ~state.released
         if propulsion is None:
             return False
         gained = propulsion.delta_v_N - self._pushed
         self._pushed = propulsion.delta_v_N.copy()
         for j in np.flatnonzero(gained.any(axis=1)):
-            dv = gained[j]
-            across = (dv @ dv) * np.eye(3) - np.outer(dv, dv)
-            error = (0.01 * given.burn_magnitude_percent) ** 2 * np.outer(dv, dv)
-            error = error + radians(given.burn_pointing_deg) ** 2 * across
-            self._waiting.append(_Event(t, t, int(j), delta_v_N=dv, covariance=error))
+            error = burn_covariance(np.outer(gained[j], gained[j]), self._errors)
+            self._waiting.append(_Event(t, int(j), delta_v_N=gained[j], covariance=error))
         return bool(gained.any())
 
     def _pictures(self, simulation: Simulation) -> list[tuple[int, SeenPicture]]:
@@ -314,12 +292,11 @@ class OpticalNavigator:
 
     def _use_what_is_known_by(self, t: float) -> None:
         """Have the filters use, in order of when it happened, what is known by now."""
-        ready = sorted((one for one in self._waiting if one.known_at <= t + 1e-9), key=lambda one: one.t)
-        late = self.plan.scenario.navigation.optical.delay_s
-        # A push after pictures that are still to come waits for them: the filters stand at their time.
-        ready = [one for one in ready if one.t <= t - late + 1e-9]
-        self._waiting = [one for one in self._waiting if not any(one is other for other in ready)]
-        for event in ready:
+        # Pushes wait as pictures do: the filters stand at the time of those that are read out.
+        known = t - self.plan.scenario.navigation.optical.delay_s
+        ready = [one for one in self._waiting if one.t <= known + 1e-9]
+        self._waiting = [one for one in self._waiting if one.t > known + 1e-9]
+        for event in sorted(ready, key=lambda one: one.t):
             g, j = self._place[event.spacecraft]
             each = self._filters[g]
             each.advance(max(event.t, each.t))
@@ -334,7 +311,7 @@ class OpticalNavigator:
                 assert event.delta_v_N is not None and event.covariance is not None
                 each.push(j, event.delta_v_N, event.covariance)
         for each in self._filters:
-            each.advance(max(t - late, each.t))
+            each.advance(max(known, each.t))
 
     def _use_picture(self, event: _Event, each: SwarmFilter, j: int) -> None:
         assert event.picture is not None
@@ -344,9 +321,8 @@ class OpticalNavigator:
         seen = event.picture
         sun_A = believed_AN @ C_AN.T @ seen.sun_A
         seen = replace(seen, sun_A=sun_A).at(believed_AN @ each.r_N[j])
-        sigma = float(np.sqrt(np.linalg.eigvalsh(each.covariance(j)[:3, :3])[-1]))
         diameter = self._predictor.diameter_px(seen)
-        fix = measure(seen, self._predictor, self.plan.scenario.navigation.optical, sigma)
+        fix = measure(seen, self._predictor, self.plan.scenario.navigation.optical, each.position_sigma(j))
         if not isinstance(fix, Fix):
             self._note(event, fix.kind, fix.why, None, 0, diameter)
             return
@@ -368,12 +344,12 @@ class OpticalNavigator:
         if all(each.t >= t - 1e-9 for each in self._filters) and not self._waiting:
             now = self._filters
         else:
-            now = [each.coast(t, [one for one in self._pushes(g)]) for g, each in enumerate(self._filters)]
+            now = [each.coast(t, self._pushes(g)) for g, each in enumerate(self._filters)]
         self._sigma = np.empty(self.plan.n)
         for j, (g, own) in self._place.items():
             flights.off_r_N[0, j] = now[g].r_N[own] - state.r_N[j]
             flights.off_v_N[0, j] = now[g].v_N[own] - state.v_N[j]
-            self._sigma[j] = np.sqrt(np.linalg.eigvalsh(now[g].covariance(own)[:3, :3])[-1].clip(0.0))
+            self._sigma[j] = now[g].position_sigma(own)
         flights.guessed_at[0], flights.guessing[0] = t, True
 
     def _pushes(self, g: int) -> list[tuple[float, int, Array]]:
@@ -390,12 +366,15 @@ class _Event:
     """Something for a filter: a picture, a range or a change of velocity.
 
     Attributes:
-        known_at: When it may be used [s].
         t: When it happened [s].
         spacecraft: Whose, from 0.
+        picture: What it took; None: it is something else.
+        other: To whom it ranged, from 0; None: likewise.
+        range_m: That range [m].
+        delta_v_N: What it gained, shape (3,) [m/s]; None: likewise.
+        covariance: Of that, shape (3, 3) [m^2/s^2].
     """
 
-    known_at: float
     t: float
     spacecraft: int
     picture: SeenPicture | None = None
@@ -417,7 +396,7 @@ def first_sigmas(asked: OpticalNavigation, r_N: Array, v_N: Array) -> Array:
     return found
 
 
-def _believed_forces(plan: Plan, gm_ratio: float) -> Acceleration:
+def _believed_forces(plan: Plan, gm_ratio: float) -> AccelerationN:
     """Forces with a body that pulls otherwise by a share."""
     environment = plan.environment
     if gm_ratio == 1.0:

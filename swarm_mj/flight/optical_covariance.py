@@ -7,12 +7,10 @@ correction burns gain (x + e). Both, and how they go together, are carried to th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.optical import OpticalNavigator
+from swarm_mj.flight.optical import OpticalNavigator, first_sigmas
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.trajectory_corrections import CorrectionAnalysis, errors_of, legs_of
 from swarm_mj.mission.covariance import FlightErrors, Spread, burn_covariance
@@ -24,20 +22,7 @@ from swarm_mj.observation.capture import Picture
 from swarm_mj.typing import Array
 
 
-@dataclass(frozen=True, kw_only=True)
-class OpticalAnalysis(CorrectionAnalysis):
-    """Linear covariance with pictures.
-
-    Attributes:
-        known: Covariance of what is known of the state at the arrival, shape (n, 6, 6) [m, m/s].
-        pictures: How many of each spacecraft's pictures told something, by way, in order of the spacecraft.
-    """
-
-    known: Array
-    pictures: tuple[dict[str, int], ...]
-
-
-def analyse_optical(plan: Plan, progress: Progress | None = None) -> OpticalAnalysis:
+def analyse_optical(plan: Plan, progress: Progress | None = None) -> CorrectionAnalysis:
     """Linear covariance of a plan with pictures from release to arrival, each spacecraft for itself, without ranges.
 
     Raises:
@@ -56,7 +41,9 @@ def analyse_optical(plan: Plan, progress: Progress | None = None) -> OpticalAnal
     pictures: list[dict[str, int]] = []
     gain, to_arrival = (legs.gain if m else np.empty((n, 0, 3, 6))), legs.to_arrival
     for j in range(n):
-        start = navigator.filter_at(legs.times[j, 0], legs.r_N[j, 0], legs.v_N[j, 0])
+        r_N, v_N = legs.r_N[j, :1], legs.v_N[j, :1]
+        sigma = first_sigmas(plan.scenario.navigation.optical, r_N, v_N)
+        start = navigator.filter_at(legs.times[j, 0], np.hstack((r_N, v_N)), sigma)
         along = _Along(navigator, start, j)
         D, X = errors.release[j].copy(), np.zeros((6, len(start.x)))
         at_arrival[0, j] = to_arrival[j, 0] @ D @ to_arrival[j, 0].T
@@ -90,7 +77,7 @@ def analyse_optical(plan: Plan, progress: Progress | None = None) -> OpticalAnal
             progress((j + 1) / n)
     # What burns err by is in these covariances already.
     told = FlightErrors(release=errors.release)
-    return OpticalAnalysis(
+    return CorrectionAnalysis(
         plan=plan,
         legs=legs,
         errors=told,
@@ -131,8 +118,7 @@ class _Along:
         C_AN = plan.environment.C_AN(t)
         pose = look_at(C_AN @ each.r_N[0], np.zeros(3))
         picture = Picture(t, self._j, pose.r_A, pose.C_CA, C_AN @ plan.environment.sun.at(t))
-        sigma = float(np.sqrt(np.linalg.eigvalsh(each.covariance(0)[:3, :3])[-1]))
-        fix = self._navigator.measured(picture, sigma)
+        fix = self._navigator.measured(picture, each.position_sigma(0))
         if not isinstance(fix, Fix):
             return np.eye(len(each.x))
         self.used[fix.kind] = self.used.get(fix.kind, 0) + 1

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.observe import camera_from
@@ -40,10 +40,9 @@ def detector_camera(scenario: Scenario) -> CameraModel:
             f"camera: the detector has {size} pixels along a side, of which pictures take at most {MOST_PIXELS}; give a "
             "larger camera.detector_ifov_rad"
         )
-    model = CameraModel(
+    return CameraModel(
         half_angle_deg=camera.half_angle_deg, resolution_px=size, exposure_s=camera.exposure_s, sides=camera.sides
     )
-    return model
 
 
 def lens_from(scenario: Scenario) -> Lens:
@@ -51,25 +50,11 @@ def lens_from(scenario: Scenario) -> Lens:
     return lens_of(detector_camera(scenario), Distortion(*scenario.camera.detector.distortion))
 
 
-@dataclass(frozen=True, eq=False)
-class Taken:
-    """A picture.
-
-    Attributes:
-        picture: When, by whom, and from where it was taken.
-        exposed: What the detector read out.
-    """
-
-    picture: Picture
-    exposed: Exposed
-
-
 class PictureMaker:
     """Makes the pictures of a plan's cameras.
 
     Args:
         plan: The mission.
-        seed: Of the detectors' noise; None: the scenario's.
 
     Attributes:
         lens: Lens and detector of every spacecraft.
@@ -78,7 +63,7 @@ class PictureMaker:
         ScenarioError: It is not known how the body reflects light, or the file of the faces' albedos does not fit its mesh.
     """
 
-    def __init__(self, plan: Plan, seed: int | None = None) -> None:
+    def __init__(self, plan: Plan) -> None:
         self._plan, scenario = plan, plan.scenario
         surface = body_surface(scenario.body)
         if surface is None:
@@ -87,7 +72,6 @@ class PictureMaker:
                 "body.albedo, 0.04 to 0.4 for most small bodies"
             )
         self.lens = lens_from(scenario)
-        self._seed = scenario.seed if seed is None else seed
         self._companion: Companion | None = plan.environment.companion
         vertices, faces = np.array(plan.shape.vertices), np.array(plan.shape.faces)
         albedo = face_albedo(scenario, len(faces))
@@ -100,7 +84,8 @@ class PictureMaker:
         self._vertices = vertices
         shape = self.lens.height, self.lens.width
         self._detectors = [
-            DetectorModel(scenario.camera, 1.0 / self.lens.focal_px, shape, seed=self._seed + j) for j in range(plan.n)
+            DetectorModel(scenario.camera, 1.0 / self.lens.focal_px, shape, seed=scenario.seed + j)
+            for j in range(plan.n)
         ]
 
     def _companion_at(self, t: float) -> Array:
@@ -144,7 +129,7 @@ class PictureMaker:
             return 0.0
         return float(np.linalg.norm(np.subtract(*(end[:2] / end[2] for end in ends))) * self.lens.focal_px)
 
-    def take(self, picture: Picture, fewest: int = FEWEST) -> Taken:
+    def take(self, picture: Picture, fewest: int = FEWEST) -> Exposed:
         """Expose a picture, with the noise that belongs to its spacecraft and time; `fewest` samples along a pixel."""
         detector, sun_m = self._detectors[picture.spacecraft], float(np.linalg.norm(picture.sun_A))
         exposure_s = picture.exposure_s
@@ -156,8 +141,8 @@ class PictureMaker:
             factor = self.factor(picture, exposure_s, fewest) if smeared else still
         else:
             factor = self.factor(picture, exposure_s, fewest)
-        rng = np.random.default_rng([self._seed, picture.spacecraft, round(1e3 * picture.t)])
-        return Taken(picture, detector.expose(factor, sun_m, rng, exposure_s))
+        rng = np.random.default_rng([self._plan.scenario.seed, picture.spacecraft, round(1e3 * picture.t)])
+        return detector.expose(factor, sun_m, rng, exposure_s)
 
     def labels(self, picture: Picture) -> Labels:
         """What is under each pixel of a picture; faces of a companion count on from those of the body."""
@@ -166,13 +151,11 @@ class PictureMaker:
 
 
 def moved(pose: CameraPose, motion: CameraMotion | None, dt: float) -> CameraPose:
-    """A camera's pose a little later [s], to first order in its motion relative to the body."""
+    """A camera's pose a little later [s], as it moves and turns relative to the body."""
     if motion is None or dt == 0.0:
         return pose
-    x, y, z = motion.omega_C * dt
-    turned = (np.eye(3) - np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])) @ pose.C_CA
-    u, _, vt = np.linalg.svd(turned)
-    return CameraPose(pose.r_A + dt * motion.v_A, u @ vt)
+    turned = Rotation.from_rotvec(-dt * motion.omega_C).as_matrix() @ pose.C_CA
+    return CameraPose(pose.r_A + dt * motion.v_A, turned)
 
 
 def face_albedo(scenario: Scenario, count: int) -> Array:

@@ -40,12 +40,17 @@ class CorrectionAnalysis:
         legs: Planned flights, cut at the corrections.
         errors: What is not as planned.
         spread: What that makes of the arrival and of the burns.
+        known: Covariance of what pictures let each know of its state at the arrival, shape (n, 6, 6) [m, m/s]; None: no
+            pictures are taken.
+        pictures: How many of each one's pictures told something, by way.
     """
 
     plan: Plan
     legs: Legs
     errors: FlightErrors
     spread: Spread
+    known: Array | None = None
+    pictures: tuple[dict[str, int], ...] = ()
 
 
 def analyse_corrections(plan: Plan) -> CorrectionAnalysis:

@@ -1,9 +1,6 @@
 """Centre of brightness: how far off, where a body is a few pixels and its brightness leans towards the Sun.
 
-Its distance from the projected centre of the body is taken from the predicted picture, whatever shape and law. Of spheres it is
-known in closed form: with phase angle a and apparent radius R, towards the Sun,
-
-    Lambert            3 pi / 16 (1 + cos a) sin a / (sin a + (pi - a) cos a) R
+Its distance from the projected centre of the body is taken from the predicted picture, whatever shape and law.
 """
 
 from __future__ import annotations
@@ -18,6 +15,7 @@ from swarm_mj.navigation.picture import (
     find_region,
     without_hot_pixels,
 )
+from swarm_mj.spacecraft.attitude.mrp import cross_matrix
 from swarm_mj.typing import Array
 
 #: Fewest electrons over their own deviation with which a centre means anything.
@@ -26,13 +24,6 @@ LEAST_SIGNAL_TO_NOISE = 5.0
 STEP = 3e-3
 #: Rounds of prediction.
 ROUNDS = 3
-
-
-def lambert_offset(phase: float) -> float:
-    """Distance of the centre of brightness of a Lambert sphere from its centre, over its radius; `phase` in rad."""
-    return float(
-        3.0 * np.pi / 16.0 * (1.0 + np.cos(phase)) * np.sin(phase) / (np.sin(phase) + (np.pi - phase) * np.cos(phase))
-    )
 
 
 def measure_centroid(seen: SeenPicture, predictor: Predictor, *, model_share: float = 0.0) -> Fix | Rejected:
@@ -94,6 +85,5 @@ def _expected(seen: SeenPicture, predictor: Predictor) -> Array | None:
 
 def turning(J: Array, point_C: Array) -> Array:
     """How a point's place on the detector goes with a small turn of the camera about its axes [px/rad], shape (2, 3)."""
-    x, y, z = point_C
     # Turned by theta, the camera sees p - theta x p.
-    return J @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return J @ cross_matrix(point_C)

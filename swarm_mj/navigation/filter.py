@@ -11,14 +11,17 @@ Schmidt 1971, IEEE Transactions on Automatic Control 16, 727): P stays positive 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
 
+from swarm_mj.mission.corrections import gravity_gradient
+from swarm_mj.mission.trajectories import AccelerationN
 from swarm_mj.navigation.picture import Fix
+from swarm_mj.spacecraft.attitude.mrp import cross_matrix
 from swarm_mj.typing import Array, Ints
 
 #: Places in the state of one spacecraft, and how many they are.
@@ -29,9 +32,6 @@ GM, ROTATION, SPIN, SHARED = 0, slice(1, 4), 4, 5
 STEP, LONGEST_S = 0.05, 600.0
 #: Chance with which a measurement as unlikely as one that is rejected would be a true one: one in a million.
 GATE = 1e-6
-
-#: Function (t, r (k, 3)) -> acceleration (k, 3) [m/s^2] in N.
-Acceleration = Callable[[float, Array], Array]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +73,7 @@ class SwarmFilter:
     """Estimates the states of n spacecraft relative to the body.
 
     Args:
-        acceleration: Forces of a flight, as believed.
+        acceleration: Forces as believed, function (t, r (k, 3)) -> (k, 3) [m/s^2] in N.
         gm: Gravitational parameter of the body [m^3/s^2], by which its error acts.
         spin_N: Believed angular velocity of A in N [rad/s], shape (3,).
         noise: What errs.
@@ -85,7 +85,7 @@ class SwarmFilter:
 
     def __init__(
         self,
-        acceleration: Acceleration,
+        acceleration: AccelerationN,
         gm: float,
         spin_N: Array,
         noise: FilterNoise,
@@ -94,7 +94,8 @@ class SwarmFilter:
         v_N: Array,
         P: Array,
     ) -> None:
-        self._acceleration, self._gm, self._spin_N, self.noise, self.t = acceleration, gm, spin_N, noise, t
+        self._acceleration, self._gm, self.noise, self.t = acceleration, gm, noise, t
+        self._axis_N = spin_N / max(float(np.linalg.norm(spin_N)), 1e-300)
         self.n = len(r_N)
         self.x = np.zeros(OWN * self.n + SHARED)
         self.S = np.zeros((len(self.x), len(self.x)))
@@ -107,13 +108,9 @@ class SwarmFilter:
         self.S[shared, shared] = noise.gm
         self.S[shared + 1 : shared + 4, shared + 1 : shared + 4] = noise.rotation * np.eye(3)
         self.S[shared + 4, shared + 4] = noise.spin
-        self._forget_unused()
-
-    def _forget_unused(self) -> None:
-        """Which states have any uncertainty: the others are left out of the arithmetic."""
-        moving = np.concatenate([OWN * j + np.arange(6) for j in range(self.n)])
+        # States without any uncertainty are left out of the arithmetic, but for those that move.
         active = (self.S != 0.0).any(axis=1)
-        active[moving] = True
+        active[[OWN * j + k for j in range(self.n) for k in range(6)]] = True
         self._active: Ints = np.flatnonzero(active)
 
     @property
@@ -135,11 +132,6 @@ class SwarmFilter:
         return self.x[: OWN * self.n].reshape(self.n, OWN)
 
     @property
-    def shared(self) -> Array:
-        """Estimates of what all share, a copy, see the module, shape (5,)."""
-        return self.x[OWN * self.n :].copy()
-
-    @property
     def P(self) -> Array:
         """Covariance of the whole state."""
         return self.S @ self.S.T
@@ -149,11 +141,14 @@ class SwarmFilter:
         rows = self.S[OWN * j : OWN * j + 6]
         return rows @ rows.T
 
+    def position_sigma(self, j: int) -> float:
+        """Standard deviation of the position of spacecraft j along its widest axis [m]."""
+        return float(np.linalg.norm(self.S[OWN * j : OWN * j + 3], ord=2))
+
     def rotation_error(self, t: float) -> Array:
         """Estimated rotation by which the body is turned otherwise than believed, in N [rad], shape (3,)."""
-        shared = self.shared
-        axis = self._spin_N / max(float(np.linalg.norm(self._spin_N)), 1e-300)
-        return shared[ROTATION] + axis * (shared[SPIN] * t)
+        shared = self.x[OWN * self.n :]
+        return shared[ROTATION] + self._axis_N * (shared[SPIN] * t)
 
     def advance(self, t: float) -> Array:
         """Carry the estimate to a later time [s]; gives the transition matrix of the whole state."""
@@ -198,14 +193,11 @@ class SwarmFilter:
     def _rate(self, t: float, y: Array) -> Array:
         """Rates of states, their transition matrices and their derivatives by the error of GM, shape (n, 6, 8)."""
         n, r = self.n, y[:, :3, 0]
-        step = 1e-5 * np.maximum(np.linalg.norm(r, axis=1), 1.0)[:, None, None]
-        offsets = step * np.vstack((np.zeros(3), np.eye(3), -np.eye(3)))
-        a = self._acceleration(t, (r[:, None] + offsets).reshape(-1, 3)).reshape(n, 7, 3)
-        gradient = ((a[:, 1:4] - a[:, 4:]) / (2.0 * step)).transpose(0, 2, 1)
+        a, gradient = gravity_gradient(self._acceleration, t, r)
         pull = -self._gm * r / np.linalg.norm(r, axis=1, keepdims=True) ** 3
         rate = np.empty_like(y)
         rate[:, :3] = y[:, 3:]
-        rate[:, 3:, 0] = a[:, 0] + self.x[OWN * n + GM] * pull
+        rate[:, 3:, 0] = a + self.x[OWN * n + GM] * pull
         rate[:, 3:, 1:] = gradient @ y[:, :3, 1:]
         rate[:, 3:, 7] += pull
         return rate
@@ -232,11 +224,9 @@ class SwarmFilter:
         H[:, own : own + 3] = fix.H @ C_AN
         H[:, own + 6 : own + 9] = fix.turn
         # A body that is turned otherwise by phi shows what it would from -phi x r elsewhere.
-        r = self.x[own : own + 3]
-        turned = C_AN @ np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
+        turned = C_AN @ cross_matrix(self.x[own : own + 3])
         H[:, shared + 1 : shared + 4] = fix.H @ turned
-        axis = self._spin_N / max(float(np.linalg.norm(self._spin_N)), 1e-300)
-        H[:, shared + 4] = fix.H @ turned @ axis * self.t
+        H[:, shared + 4] = fix.H @ turned @ self._axis_N * self.t
         # It was measured as if camera and body were turned as believed at first.
         others = H.copy()
         others[:, own : own + 3] = 0.0

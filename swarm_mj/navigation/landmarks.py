@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import ndimage
+from skimage.feature import match_template
 
-from swarm_mj.errors import NavigationError
 from swarm_mj.navigation.centroid import turning
 from swarm_mj.navigation.picture import Fix, Predictor, Rejected, SeenPicture, without_hot_pixels
 from swarm_mj.typing import Array, Ints, Mask
@@ -33,8 +33,12 @@ FLOOR = 0.02
 CUBIC = 0.75
 #: Residuals of a patch by terrain that the model lacks are alike over so many pixels along each side: measured on rough Eros.
 ALIKE_PX = 9.0
+#: A landmark is left out if it lies so many deviations, estimated robustly, from where the others put it.
 OUTLIER = 4.0
+#: Rounds of prediction.
 ROUNDS = 3
+#: Least relief of a place over that of the best; and of how many pixels the best are looked through.
+RELIEF, LOOKED_THROUGH = 1e-3, 100_000
 #: Landmarks are looked for so near [px]. Pictures that may be farther off are aligned first, by pixels so coarse that it is not
 #: more than so many of them, and must then be as much alike.
 NEAR_PX, COARSE_PX, ALIGNED = 12.0, 24.0, 0.6
@@ -44,13 +48,11 @@ class Found(NamedTuple):
     """Landmarks found again.
 
     Attributes:
-        place: Where they are on the predicted picture [px], shape (n, 2).
         shift: How far off they are on the other one [px], shape (n, 2).
         covariance: Of the shifts [px^2], shape (n, 2, 2).
         points_C: Where they lie relative to the camera, by the prediction [m], shape (n, 3).
     """
 
-    place: Array
     shift: Array
     covariance: Array
     points_C: Array
@@ -106,7 +108,7 @@ def _align(seen: SeenPicture, predictor: Predictor, signal: Array, search_px: fl
     patch = model[margin:-margin, margin:-margin]
     if min(patch.shape) < 8 or not patch.std() > 0.0:
         return Rejected("landmarks", "the predicted picture is dark or has nothing to align by")
-    score = _template_matcher()(small, patch)
+    score = match_template(small, patch)
     best = np.unravel_index(int(np.argmax(score)), score.shape)
     if not score[best] >= ALIGNED:
         return Rejected("landmarks", "the picture does not look like the predicted one anywhere near")
@@ -131,8 +133,7 @@ def find_landmarks(seen: SeenPicture, predictor: Predictor, signal: Array, searc
     places = _choose(predicted.signal, predicted.face >= 0)
     if len(places) < LEAST:
         return Rejected("landmarks", f"{len(places)} places with enough relief, fewer than {LEAST}")
-    match, splined = _template_matcher(), ndimage.spline_filter(signal, 3, mode="nearest")
-    radius = int(np.ceil(search_px))
+    splined, radius = ndimage.spline_filter(signal, 3, mode="nearest"), int(np.ceil(search_px))
     kept, shifts, covariances = [], [], []
     for column, row in places:
         patch = predicted.signal[row - HALF : row + HALF + 1, column - HALF : column + HALF + 1]
@@ -141,7 +142,7 @@ def find_landmarks(seen: SeenPicture, predictor: Predictor, signal: Array, searc
         area = signal[low[0] : row + HALF + radius + 1, low[1] : column + HALF + radius + 1]
         if min(area.shape) < 2 * HALF + 3:
             continue
-        score = match(area, patch)
+        score = match_template(area, patch)
         best = np.unravel_index(int(np.argmax(score)), score.shape)
         edge = 0 in best or best[0] == score.shape[0] - 1 or best[1] == score.shape[1] - 1
         if edge or not score[best] >= LEAST_CORRELATION or _is_ambiguous(score, best):
@@ -157,7 +158,7 @@ def find_landmarks(seen: SeenPicture, predictor: Predictor, signal: Array, searc
     place = np.array(kept, np.float64) + 0.5
     image = seen.lens.to_image(place)
     points = np.column_stack((image, np.ones(len(image)))) * predicted.depth_at(place)[0][:, None]
-    return Found(place, np.array(shifts), np.array(covariances), points)
+    return Found(np.array(shifts), np.array(covariances), points)
 
 
 def _gradient(picture: Array) -> tuple[Array, Array]:
@@ -181,12 +182,11 @@ def _choose(predicted: Array, solid: Mask) -> Ints:
     least = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
     inner = ndimage.minimum_filter(solid.astype(np.int8), size, mode="constant").astype(np.bool_)
     least = np.where(inner, least, 0.0)
-    # What noise alone would show, of this many pixels.
-    floor = 1e-3 * float(least.max(initial=0.0))
+    floor = RELIEF * float(least.max(initial=0.0))
     chosen: list[tuple[int, int]] = []
     flat = np.argsort(least, axis=None)[::-1]
     taken = np.zeros(least.shape, np.bool_)
-    for index in flat[: 200 * MOST * APART]:
+    for index in flat[:LOOKED_THROUGH]:
         row, column = divmod(int(index), least.shape[1])
         if least[row, column] <= floor or len(chosen) == MOST:
             break
@@ -279,17 +279,10 @@ def _position(seen: SeenPicture, found: Found, floor_px: float) -> tuple[Array, 
 
 
 def _turn_as_position(seen: SeenPicture, found: Found, floor_px: float) -> Array:
+    """How the position that the fit gives goes with a small turn of the camera about its axes [m/rad], shape (3, 3)."""
     weight = np.linalg.inv(found.covariance + floor_px**2 * np.eye(2))
     J = seen.lens.pixel_jacobian(found.points_C)
     slopes = -J @ seen.pose.C_CA
     turns = np.array([turning(each, point) for each, point in zip(J, found.points_C, strict=True)])
     info = np.einsum("nki,nkl,nlj->ij", slopes, weight, slopes)
     return np.asarray(np.linalg.solve(info, np.einsum("nki,nkl,nlj->ij", slopes, weight, turns)))
-
-
-def _template_matcher():  # type: ignore[no-untyped-def]
-    try:
-        from skimage.feature import match_template
-    except ImportError:
-        raise NavigationError("landmarks need scikit-image, which is not installed: pip install scikit-image") from None
-    return match_template

@@ -32,6 +32,7 @@ from swarm_mj.navigation.picture import (
     find_region,
     without_hot_pixels,
 )
+from swarm_mj.spacecraft.attitude.mrp import cross_matrix
 from swarm_mj.typing import Array, Ints, Mask
 
 #: Rays that are tried, at most one for each `SPACING` pixels of the limb.
@@ -66,6 +67,10 @@ BAND = 4
 SHIFT_PX = 0.25
 #: Errors of a model's limb are alike over so many pixels.
 ALIKE_PX = 10.0
+#: Share of what the bright parts of the body show from which its limb counts as lit: dimmer ones tell little.
+LIT_SHARE = 0.1
+#: Pixels so many deviations off are left out; least brightness over the model's: darker, it is something else that was fitted.
+FAR_OFF, LEAST_GAIN = 6.0, 0.2
 #: Root mean square of the residuals over the noise beyond which the picture is not believed to be one of the model.
 MISFIT = 30.0
 
@@ -223,12 +228,8 @@ def measure_limb(seen: SeenPicture, predictor: Predictor, *, model_px: float = 0
         return solved
     if solved.misfit > MISFIT:
         return Rejected("limb", "the limb does not look like the model's")
-    turn = -seen.pose.C_CA.T @ _cross(believed.pose.to_camera(np.zeros(3)))
+    turn = -seen.pose.C_CA.T @ cross_matrix(believed.pose.to_camera(np.zeros(3)))
     return Fix("limb", believed.pose.r_A - start, np.eye(3), solved.P, turn, solved.used)
-
-
-def _cross(v: Array) -> Array:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 class _Fitted(NamedTuple):
@@ -269,7 +270,9 @@ def _match_pixels(
         fit = np.asarray(np.linalg.solve(info, (B * w[:, None]).T @ signal[band][chosen]))
         residual = np.asarray(signal[band] - basis @ fit)
         left = residual / np.sqrt(variance)
-        kept = ~seen.saturated[band] & (np.abs(left) < 6.0 * max(1.4826 * float(np.median(np.abs(left[chosen]))), 1.0))
+        kept = ~seen.saturated[band] & (
+            np.abs(left) < FAR_OFF * max(1.4826 * float(np.median(np.abs(left[chosen]))), 1.0)
+        )
         if (kept == chosen).all():
             break
         chosen = kept
@@ -285,7 +288,7 @@ def _match_pixels(
         error = (settle @ K) * (model_px * slope[used]) * np.sqrt(2.0 * ALIKE_PX)
         P4 = P4 + error @ error.T
     gain = float(fit[0])
-    if not gain > 0.2:
+    if not gain > LEAST_GAIN:
         return Rejected("limb", "the picture is not as bright as the model's")
     C = seen.pose.C_CA
     misfit = float(np.sqrt(np.mean(residual[used] ** 2 / variance[used])))
@@ -348,10 +351,8 @@ def _band(seen: SeenPicture, predicted: Prediction, width: int) -> Mask:
     rim = np.where(solid[box], inside, outside) <= width
     # Lit: light within the band's width.
     near = ndimage.maximum_filter(predicted.signal[box], 2 * width + 1)
-    bright = 0.1 * float(np.quantile(predicted.signal[solid], 0.9))
-    band[box] = (
-        rim & (near > max(bright, 3.0 * np.sqrt(seen.background))) & np.isfinite(np.where(solid[box], inside, outside))
-    )
+    bright = LIT_SHARE * float(np.quantile(predicted.signal[solid], 0.9))
+    band[box] = rim & (near > max(bright, 3.0 * np.sqrt(seen.background)))
     return band
 
 
@@ -432,7 +433,7 @@ def measure_horizon(
             break
     assert fit is not None  # there are rounds
     horizon, count = fit
-    turn = C_CA.T @ _cross(horizon.r_C)
+    turn = C_CA.T @ cross_matrix(horizon.r_C)
     return Fix("horizon", believed.pose.r_A - seen.pose.r_A, np.eye(3), C_CA.T @ horizon.P @ C_CA, turn, count)
 
 

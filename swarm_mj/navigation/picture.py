@@ -7,13 +7,14 @@ measuring gives that as a `Fix`: y = H dr + noise of covariance R, with dr the t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from swarm_mj.observation.camera import CameraPose
+from swarm_mj.observation.detector import Exposed
 from swarm_mj.observation.lens import Lens
 from swarm_mj.observation.shading import GRID, MOST, ShadedBody
 from swarm_mj.typing import Array, Ints32, Mask
@@ -22,20 +23,22 @@ from swarm_mj.typing import Array, Ints32, Mask
 DETECTED = 5.0
 #: How far beyond the detected region its light is still looked for, over the spread of the lens and at least [px].
 MARGIN_SIGMAS, MARGIN_PX = 5.0, 3
-#: A pixel so many sigmas above the median of its neighbours, none of which is, is hot.
+#: A pixel so many sigmas of the background above it, the four beside which are as dark as the sky, is hot.
 HOT = 8.0
 #: Samples along a pixel of pictures that are measured, at least.
 FEWEST_SAMPLES = 4
+#: Chosen so that the errors of limbs at 300 pixels, whose pictures have the fewest samples, are those that are said.
+AVERAGED = 0.42
 
 
 def edge_error(diameter_px: float) -> float:
     """Error by which the edge of a drawn picture lies off in a pixel, 1 sigma [px], and again in that which predicts it.
 
-    Of k samples along a pixel those k that an edge passes are off by up to half their distance each, and the lens' spread takes
-    the mean of some pixels.
+    Of k samples along a pixel those k that an edge passes are off by up to half their distance each, on both pictures; the lens
+    takes the mean of some pixels, by which `AVERAGED` of that is left.
     """
     k = min(max(GRID / (diameter_px + 2.0), FEWEST_SAMPLES), MOST)
-    return float(0.42 * np.sqrt(2.0 * k / 12.0) / k**2)
+    return float(AVERAGED * np.sqrt(2.0 * k / 12.0) / k**2)
 
 
 class Fix(NamedTuple):
@@ -46,7 +49,7 @@ class Fix(NamedTuple):
         y: Shape (m,); [px] of a centroid, else [m].
         H: Derivatives of y by the camera's position in A, shape (m, 3).
         R: Covariance of y, shape (m, m); without errors of the camera's attitude.
-        turn: Derivatives of y by a small turn of the camera about its axes [1/rad], shape (m, 3).
+        turn: Derivatives of y by a small turn of the camera about its axes [unit of y / rad], shape (m, 3).
         used: Points that were used: of the limb, or landmarks; pixels of a centroid.
     """
 
@@ -102,6 +105,24 @@ class SeenPicture:
     pose: CameraPose
     sun_A: Array
 
+    @classmethod
+    def of(
+        cls, exposed: Exposed, lens: Lens, psf_px: float, diameter_px: float, pose: CameraPose, sun_A: Array
+    ) -> Self:
+        """A picture that was read out, of a body of some diameter [px], with a believed pose; the rest as of the attributes."""
+        return cls(
+            signal=exposed.signal,
+            variance=exposed.variance,
+            background=exposed.background_variance,
+            per_factor=exposed.electrons_per_factor,
+            saturated=exposed.saturated,
+            lens=lens,
+            psf_px=psf_px,
+            edge_px=edge_error(diameter_px),
+            pose=pose,
+            sun_A=np.asarray(sun_A, np.float64),
+        )
+
     def at(self, r_A: Array) -> SeenPicture:
         """The same picture, believed to be taken from elsewhere [m]."""
         return replace(self, pose=CameraPose(r_A, self.pose.C_CA))
@@ -110,11 +131,6 @@ class SeenPicture:
         """The same picture, believed to be taken by a camera turned about its axes by a small angle [rad], shape (3,)."""
         C_CA = Rotation.from_rotvec(-turn).as_matrix() @ self.pose.C_CA
         return replace(self, pose=CameraPose(self.pose.r_A, C_CA))
-
-    @property
-    def centre_px(self) -> Array:
-        """Where the body's centre is believed to be on the detector [px], shape (2,)."""
-        return self.lens.to_pixels(self.pose.to_camera(np.zeros(3)))
 
 
 class Prediction(NamedTuple):
@@ -160,8 +176,11 @@ class Predictor:
 
     def diameter_px(self, seen: SeenPicture) -> float:
         """Of the sphere about the model, as the believed pose sees it [px]."""
-        distance = float(np.linalg.norm(seen.pose.r_A))
-        return float(2.0 * self.radius * seen.lens.focal_px / max(distance, self.radius))
+        return self.diameter_at(float(np.linalg.norm(seen.pose.r_A)), seen.lens)
+
+    def diameter_at(self, distance: float, lens: Lens) -> float:
+        """The same of a camera at a distance from the centre [m]."""
+        return 2.0 * self.radius * lens.focal_px / max(distance, self.radius)
 
 
 class Region(NamedTuple):

@@ -14,11 +14,12 @@ from PIL import Image
 from swarm_mj import __version__
 from swarm_mj.errors import InteropError
 from swarm_mj.flight.observe import arrival_samples, flight_pictures
-from swarm_mj.flight.pictures import PictureMaker, Taken
+from swarm_mj.flight.pictures import PictureMaker
 from swarm_mj.interop.export import chosen_formats, files_in, written_into
 from swarm_mj.interop.states import FlightStates
 from swarm_mj.io.interruption import check
 from swarm_mj.observation.capture import Picture
+from swarm_mj.observation.detector import Exposed
 from swarm_mj.observation.raycast import RayTracer
 from swarm_mj.observation.shading import Labels
 
@@ -73,18 +74,19 @@ def write_images(
         rows: list[dict[str, Any]] = []
         for picture in chosen_pictures(states, every_s, who):
             check()
-            taken = maker.take(picture)
+            exposed = maker.take(picture)
+            told = described(picture, exposed)
             stem = f"sc{picture.spacecraft + 1}/t{picture.t:09.2f}s"
             (partial / stem).parent.mkdir(exist_ok=True)
             found = maker.labels(picture) if labels else None
             layers = {} if found is None else _layers(found, target)
             if "png" in chosen:
-                Image.fromarray(taken.exposed.counts).save(partial / f"{stem}.png")
+                Image.fromarray(exposed.counts).save(partial / f"{stem}.png")
                 if layers:
                     np.savez_compressed(partial / f"{stem}.npz", **layers)  # type: ignore[arg-type]
             if fits is not None:
-                _write_fits(fits, partial / f"{stem}.fits", taken, layers)
-            rows.append({"file": stem, **described(taken)})
+                _write_fits(fits, partial / f"{stem}.fits", exposed.counts, told, layers)
+            rows.append({"file": stem, **told})
             if progress is not None:
                 progress(len(rows))
         if not rows:
@@ -123,9 +125,8 @@ def chosen_pictures(states: FlightStates, every_s: float | None, who: set[int]) 
             yield picture
 
 
-def described(taken: Taken) -> dict[str, Any]:
+def described(picture: Picture, exposed: Exposed) -> dict[str, Any]:
     """What the manifest and the FITS header tell of a picture."""
-    picture, exposed = taken.picture, taken.exposed
     return {
         "spacecraft": picture.spacecraft + 1,
         "t_s": picture.t,
@@ -177,10 +178,12 @@ def _astropy_fits() -> Any:
     return fits
 
 
-def _write_fits(fits: Any, path: Path, taken: Taken, layers: dict[str, NDArray[Any]]) -> None:
+def _write_fits(
+    fits: Any, path: Path, counts: NDArray[np.uint16], told: dict[str, Any], layers: dict[str, NDArray[Any]]
+) -> None:
     """Counts as the primary image, its rows upwards as FITS has them, and a compressed extension for each label."""
-    primary = fits.PrimaryHDU(taken.exposed.counts[::-1])
-    header, told = primary.header, described(taken)
+    primary = fits.PrimaryHDU(counts[::-1])
+    header = primary.header
     header["BUNIT"], header["EXPTIME"], header["GAIN"] = (
         "DN",
         (told["exposure_s"], "[s]"),

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from swarm_mj.flight.optical_covariance import OpticalAnalysis
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.trajectory_corrections import CorrectionAnalysis, analyse_corrections
 from swarm_mj.mission.covariance import arrival_axes, draw_linear, length_mean, length_quantile, length_within
@@ -140,6 +139,7 @@ def navigation_findings(found: CorrectionAnalysis) -> list[str]:
     stages = [[row for row in rows if row["corrections"] == k] for k in range(m + 1)]
     said = [_stage(k, stage) for k, stage in enumerate(stages)]
     said += [_useless(k, stages) for k in range(1, m + 1)]
+    said += _by_pictures(found)
     return [words for words in [*said, *_tank(found, names), *_too_long(found, names, rows)] if words]
 
 
@@ -161,20 +161,24 @@ def _useless(k: int, stages: list[list[Row]]) -> str:
     )
 
 
-def known_3_sigma(found: OpticalAnalysis) -> dict[str, float]:
-    """What each spacecraft knows of its position at the arrival, 3 sigma along the widest axis [m]."""
+def known_3_sigma(found: CorrectionAnalysis) -> dict[str, float] | None:
+    """What each spacecraft knows of its position at the arrival by pictures, 3 sigma, widest axis [m]; None: there are none."""
+    if found.known is None:
+        return None
     widest = np.linalg.eigvalsh(found.known[:, :3, :3])[:, -1].clip(0.0)
     return {name: 3.0 * float(np.sqrt(value)) for name, value in zip(found.plan.names, widest, strict=True)}
 
 
-def optical_sentence(found: OpticalAnalysis) -> str:
-    """What pictures tell on the way."""
+def _by_pictures(found: CorrectionAnalysis) -> list[str]:
+    """What pictures tell on the way; nothing where none are taken."""
     known = known_3_sigma(found)
+    if known is None:
+        return []
     told = "; ".join(
         f"{name}: {', '.join(f'{count} by {way}' for way, count in ways.items()) or 'none'}, then known to {known[name]:.3g} m"
         for name, ways in zip(found.plan.names, found.pictures, strict=True)
     )
-    return f"pictures on the way that tell something, and 3 sigma of the position at the arrival by them: {told}"
+    return [f"pictures on the way that tell something, and 3 sigma of the position at the arrival by them: {told}"]
 
 
 def _tank(found: CorrectionAnalysis, names: tuple[str, ...]) -> list[str]:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from swarm_mj.scenarios.section import Section
+from swarm_mj.scenarios.section import Section, named
 
 Coefficient = Annotated[float, Field(ge=-10, le=10)]
 
@@ -55,7 +55,7 @@ class Detector(Section):
     @model_validator(mode="before")
     @classmethod
     def _by_name(cls, given: Any) -> Any:
-        return published(given) if isinstance(given, str) else given
+        return named(given, INSTRUMENTS, cls) if isinstance(given, str) else given
 
     @model_validator(mode="after")
     def _fits(self) -> Detector:
@@ -77,16 +77,3 @@ INSTRUMENTS: dict[str, dict[str, Any]] = {
     # Schroeder et al. 2013, Icarus 226, 1304: framing cameras of Dawn; 14 bit, 17.7 electrons a count.
     "dawn-fc": {"bits": 14, "full_well_e": 290_000.0},
 }
-
-
-def published(name: str) -> dict[str, Any]:
-    """The section `camera.detector` that a name stands for.
-
-    Raises:
-        ValueError: There is no such detector; the message lists them.
-    """
-    if name not in INSTRUMENTS:
-        raise ValueError(
-            f"= {name!r}: must be one of {', '.join(INSTRUMENTS)}, or a mapping of {', '.join(Detector.model_fields)}"
-        )
-    return dict(INSTRUMENTS[name])

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from swarm_mj.scenarios.section import Section
+from swarm_mj.scenarios.section import Section, named
 
 LawName = Literal["lambert", "lommel_seeliger", "lunar_lambert", "akimov", "hapke"]
 
@@ -46,7 +46,7 @@ class Photometry(Section):
     @model_validator(mode="before")
     @classmethod
     def _by_name(cls, given: Any) -> Any:
-        return published(given) if isinstance(given, str) else given
+        return named(given, SETS, cls) if isinstance(given, str) else given
 
 
 #: Published sets by name, each with its source.
@@ -81,16 +81,3 @@ SETS: dict[str, dict[str, Any]] = {
         "roughness_deg": 28.0,
     },
 }
-
-
-def published(name: str) -> dict[str, Any]:
-    """The section `body.photometry` that a name stands for.
-
-    Raises:
-        ValueError: There is no such set; the message lists them.
-    """
-    if name not in SETS:
-        raise ValueError(
-            f"= {name!r}: must be one of {', '.join(SETS)}, or a mapping of {', '.join(Photometry.model_fields)}"
-        )
-    return dict(SETS[name])

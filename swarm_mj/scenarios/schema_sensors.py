@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import Field
 
-from swarm_mj.scenarios.section import Section
+from swarm_mj.scenarios.section import Section, named
 
 
 class Sensors(Section):
@@ -77,11 +77,7 @@ def sensor_class(name: str) -> dict[str, float]:
     Raises:
         ValueError: There is no such class; the message lists them.
     """
-    if name not in CLASSES:
-        raise ValueError(
-            f"= {name!r}: must be {' or '.join(CLASSES)}, or a mapping of {', '.join(Sensors.model_fields)}"
-        )
-    return dict(CLASSES[name])
+    return named(name, CLASSES, Sensors)
 
 
 def expanded_sensors(given: Any) -> Any:

@@ -41,6 +41,22 @@ def _changed(given: Any, validated: Any) -> tuple[Any, type] | None:
     return (given, after) if before and after and before is not after else None
 
 
+def named(name: str, known: Mapping[str, Mapping[str, Any]], model: type[BaseModel]) -> dict[str, Any]:
+    """The values of a section that stands under a name.
+
+    Args:
+        name: As it was given.
+        known: Sections by name, by what they change.
+        model: The section, whose keys could be given instead.
+
+    Raises:
+        ValueError: There is no such name; the message lists those that are.
+    """
+    if name not in known:
+        raise ValueError(f"= {name!r}: must be {' or '.join(known)}, or a mapping of {', '.join(model.model_fields)}")
+    return dict(known[name])
+
+
 class Section(BaseModel):
     """Base of all sections: immutable, strict about unknown keys and non-finite numbers."""
 

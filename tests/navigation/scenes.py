@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from swarm_mj.navigation.picture import FEWEST_SAMPLES, Predictor, SeenPicture, edge_error
+from swarm_mj.navigation.picture import FEWEST_SAMPLES, Predictor, SeenPicture
 from swarm_mj.observation.camera import CameraModel, CameraPose, look_at
 from swarm_mj.observation.detector import DetectorModel
 from swarm_mj.observation.lens import lens_of
@@ -39,18 +39,8 @@ class Studio:
         psf_px = self.camera.detector.psf_sigma_px
         factor = self.body.draw_spread(self.lens, CameraPose(r_A, C_CA), sun_A, psf_px, fewest=FEWEST_SAMPLES)
         exposed = self.detector.expose(factor, float(np.linalg.norm(sun_A)), rng)
-        return SeenPicture(
-            signal=exposed.signal,
-            variance=exposed.variance,
-            background=exposed.background_variance,
-            per_factor=exposed.electrons_per_factor,
-            saturated=exposed.saturated,
-            lens=self.lens,
-            psf_px=psf_px,
-            edge_px=edge_error(2.0 * self.radius * self.lens.focal_px / float(np.linalg.norm(r_A))),
-            pose=CameraPose(believed_A, C_CA),
-            sun_A=sun_A,
-        )
+        diameter_px = self.predictor.diameter_at(float(np.linalg.norm(r_A)), self.lens)
+        return SeenPicture.of(exposed, self.lens, psf_px, diameter_px, CameraPose(believed_A, C_CA), sun_A)
 
 
 def geometry(rng, distance, phase, aside=0.0):

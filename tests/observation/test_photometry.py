@@ -132,5 +132,5 @@ def test_a_body_reflects_as_it_is_told_or_by_its_shape():
     assert body_surface(dark.body) == law("lambert", albedo=0.1)
     own = load_scenario("eros-config2", {"body.photometry": "itokawa", "body.albedo": 0.1})
     assert body_surface(own.body) == surface_of(Photometry(**SETS["itokawa"]))
-    with pytest.raises(ScenarioError, match=r"photometry.*'eross'.*eros, bennu"):
+    with pytest.raises(ScenarioError, match=r"photometry.*'eross'.*eros or bennu"):
         load_scenario("eros-config2", {"body.photometry": "eross"})
