@@ -37,8 +37,8 @@ ALIKE_PX = 9.0
 OUTLIER = 4.0
 #: Rounds of prediction.
 ROUNDS = 3
-#: Least relief of a place over that of the best; and of how many pixels the best are looked through.
-RELIEF, LOOKED_THROUGH = 1e-3, 100_000
+#: Least relief of a place over that of the best.
+RELIEF = 1e-3
 #: Landmarks are looked for so near [px]. Pictures that may be farther off are aligned first, by pixels so coarse that it is not
 #: more than so many of them, and must then be as much alike.
 NEAR_PX, COARSE_PX, ALIGNED = 12.0, 24.0, 0.6
@@ -101,7 +101,7 @@ def measure_landmarks(
 def _align(seen: SeenPicture, predictor: Predictor, signal: Array, search_px: float) -> Array | Rejected:
     """How far aside the camera is [m], in A, by the middle of a coarse predicted picture in a coarse one, to their pixel."""
     predicted = predictor.predict(seen, depths=True, fewest=2)
-    assert predicted.face is not None and predicted.depth is not None
+    assert predicted.depth is not None
     scale = max(1, int(search_px / COARSE_PX))
     small, model = _coarse(signal, scale), _coarse(predicted.signal, scale)
     margin = min(int(np.ceil(search_px / scale)), min(small.shape) // 3)
@@ -113,7 +113,7 @@ def _align(seen: SeenPicture, predictor: Predictor, signal: Array, search_px: fl
     if not score[best] >= ALIGNED:
         return Rejected("landmarks", "the picture does not look like the predicted one anywhere near")
     shift = scale * np.array([best[1] - margin, best[0] - margin], np.float64)
-    hit = predicted.face >= 0
+    hit = predicted.depth > 0.0
     depth = float(np.median(predicted.depth[hit])) if hit.any() else float(np.linalg.norm(seen.pose.r_A))
     aside: Array = seen.pose.C_CA.T @ np.append(-shift * depth / seen.lens.focal_px, 0.0)
     return aside
@@ -129,8 +129,8 @@ def _coarse(picture: Array, scale: int) -> Array:
 def find_landmarks(seen: SeenPicture, predictor: Predictor, signal: Array, search_px: float) -> Found | Rejected:
     """Choose landmarks on the predicted picture and look for them on the other."""
     predicted = predictor.predict(seen, depths=True)
-    assert predicted.face is not None
-    places = _choose(predicted.signal, predicted.face >= 0)
+    assert predicted.depth is not None
+    places = _choose(predicted.signal, predicted.depth > 0.0)
     if len(places) < LEAST:
         return Rejected("landmarks", f"{len(places)} places with enough relief, fewer than {LEAST}")
     splined, radius = ndimage.spline_filter(signal, 3, mode="nearest"), int(np.ceil(search_px))
@@ -155,9 +155,9 @@ def find_landmarks(seen: SeenPicture, predictor: Predictor, signal: Array, searc
             covariances.append(refined[1])
     if len(kept) < LEAST:
         return Rejected("landmarks", f"{len(kept)} landmarks found again, fewer than {LEAST}")
-    place = np.array(kept, np.float64) + 0.5
-    image = seen.lens.to_image(place)
-    points = np.column_stack((image, np.ones(len(image)))) * predicted.depth_at(place)[0][:, None]
+    across, down = np.transpose(kept)
+    image = seen.lens.to_image(np.array(kept) + 0.5)
+    points = np.column_stack((image, np.ones(len(image)))) * predicted.depth[down, across][:, None]
     return Found(np.array(shifts), np.array(covariances), points)
 
 
@@ -184,16 +184,12 @@ def _choose(predicted: Array, solid: Mask) -> Ints:
     least = np.where(inner, least, 0.0)
     floor = RELIEF * float(least.max(initial=0.0))
     chosen: list[tuple[int, int]] = []
-    flat = np.argsort(least, axis=None)[::-1]
-    taken = np.zeros(least.shape, np.bool_)
-    for index in flat[:LOOKED_THROUGH]:
-        row, column = divmod(int(index), least.shape[1])
-        if least[row, column] <= floor or len(chosen) == MOST:
+    while len(chosen) < MOST:
+        row, column = divmod(int(least.argmax()), least.shape[1])
+        if least[row, column] <= floor:
             break
-        if taken[row, column]:
-            continue
         chosen.append((column, row))
-        taken[max(row - APART, 0) : row + APART + 1, max(column - APART, 0) : column + APART + 1] = True
+        least[max(row - APART, 0) : row + APART + 1, max(column - APART, 0) : column + APART + 1] = 0.0
     return np.array(chosen, np.int64).reshape(-1, 2)
 
 

@@ -340,8 +340,8 @@ def _slopes(
 
 def _band(seen: SeenPicture, predicted: Prediction, width: int) -> Mask:
     """Pixels up to some width inside and outside the lit limb, shape (height, width)."""
-    assert predicted.face is not None
-    solid = predicted.face >= 0
+    assert predicted.depth is not None
+    solid = predicted.depth > 0.0
     band = np.zeros(solid.shape, np.bool_)
     if (box := box_of(solid, width + 2)) is None:
         return band

@@ -17,7 +17,7 @@ from swarm_mj.observation.camera import CameraPose
 from swarm_mj.observation.detector import Exposed
 from swarm_mj.observation.lens import Lens
 from swarm_mj.observation.shading import GRID, MOST, ShadedBody
-from swarm_mj.typing import Array, Ints32, Mask
+from swarm_mj.typing import Array, Mask
 
 #: How many sigmas of the background a smoothed pixel must exceed to belong to the body.
 DETECTED = 5.0
@@ -138,20 +138,11 @@ class Prediction(NamedTuple):
 
     Attributes:
         signal: [electrons].
-        face: Under each pixel, -1 for the sky; None where it was not asked for.
-        depth: Likewise [m].
+        depth: Under each pixel [m], 0 for the sky; None where it was not asked for.
     """
 
     signal: Array
-    face: Ints32 | None = None
     depth: Array | None = None
-
-    def depth_at(self, places: Array) -> tuple[Array, Mask]:
-        """Depth [m] under places on the detector [px], shape (n, 2), and whether there is any; shape (n,) each."""
-        assert self.face is not None and self.depth is not None
-        column = np.clip(places[:, 0].astype(np.int64), 0, self.face.shape[1] - 1)
-        row = np.clip(places[:, 1].astype(np.int64), 0, self.face.shape[0] - 1)
-        return self.depth[row, column], self.face[row, column] >= 0
 
 
 class Predictor:
@@ -171,8 +162,7 @@ class Predictor:
         signal = factor.astype(np.float64) * seen.per_factor
         if not depths:
             return Prediction(signal)
-        face, depth, _ = self._body.depths(seen.lens, seen.pose, seen.sun_A)
-        return Prediction(signal, face, depth)
+        return Prediction(signal, self._body.depths(seen.lens, seen.pose))
 
     def diameter_px(self, seen: SeenPicture) -> float:
         """Of the sphere about the model, as the believed pose sees it [px]."""

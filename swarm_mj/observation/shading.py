@@ -178,8 +178,19 @@ class ShadedBody:
             drawn[rows, columns] = ndimage.gaussian_filter(drawn[rows, columns], psf_px, mode="nearest", truncate=5.0)
         return drawn
 
-    def depths(self, lens: Lens, pose: CameraPose, sun_A: Array) -> tuple[Ints32, Array, Mask]:
-        """Face, depth and light under the centre of each pixel, see `Labels`; args as of `draw`."""
+    def depths(self, lens: Lens, pose: CameraPose) -> Array:
+        """Distance along the line of sight through the centre of each pixel [m], 0 for the sky; args as of `draw`."""
+        return self._under_centres(lens, pose, -pose.C_CA[2], shadows=False)[1]
+
+    def labels(self, lens: Lens, pose: CameraPose, sun_A: Array) -> Labels:
+        """What is under the centre of each pixel; args as of `draw`."""
+        found = self._under_centres(lens, pose, sun_A, shadows=True)
+        return self._labelled(lens, pose, np.asarray(sun_A, np.float64), *found)
+
+    def _under_centres(
+        self, lens: Lens, pose: CameraPose, sun_A: Array, *, shadows: bool
+    ) -> tuple[Ints32, Array, Mask]:
+        """Face, depth and light under the centre of each pixel, see `Labels`; without shadows nothing is lit."""
         height, width = lens.height, lens.width
         face, depth = np.full((height, width), -1, np.int32), np.zeros((height, width))
         lit, light = np.zeros((height, width), np.bool_), self._light(sun_A)
@@ -190,15 +201,13 @@ class ShadedBody:
         for top in range(low[1], high[1], step):
             for left in range(low[0], high[0], step):
                 tile = left, top, min(left + step, high[0]), min(top + step, high[1])
-                view, places = self._draw_grid(lens, pose, light, tile, along)
+                view, places = self._draw_grid(lens, pose, light, tile, along, shadows=shadows)
                 if view is not None:
-                    _prepare(self._mesh, view, self._canvas, light, self._seen, self._planes)
-                    _label(self._mesh, self._canvas, light, self._planes, places, tile, along, face, depth, lit)
+                    _prepare(self._mesh, view, self._canvas, light, self._seen, self._planes, shadows)
+                    _label(
+                        self._mesh, self._canvas, light, self._planes, places, tile, along, shadows, face, depth, lit
+                    )
         return face, depth, lit
-
-    def labels(self, lens: Lens, pose: CameraPose, sun_A: Array) -> Labels:
-        """What is under the centre of each pixel; args as of `draw`."""
-        return self._labelled(lens, pose, np.asarray(sun_A, np.float64), *self.depths(lens, pose, sun_A))
 
     def _labelled(self, lens: Lens, pose: CameraPose, sun_A: Array, face: Ints32, depth: Array, lit: Mask) -> Labels:
         hit = face >= 0
@@ -248,9 +257,16 @@ class ShadedBody:
         return _Light(self.surface, self._albedo, self._normals, axes, mu0, seen.picture, seen.projected, np.zeros(3))
 
     def _draw_grid(
-        self, lens: Lens, pose: CameraPose, light: _Light, tile: tuple[int, int, int, int], along: int
+        self,
+        lens: Lens,
+        pose: CameraPose,
+        light: _Light,
+        tile: tuple[int, int, int, int],
+        along: int,
+        *,
+        shadows: bool = True,
     ) -> tuple[View | None, Array]:
-        """Draw the faces of a tile from the camera and those from the Sun that may shade them.
+        """Draw the faces of a tile from the camera and, for shadows, those from the Sun that may shade them.
 
         Returns:
             The view, None where there is nothing; and where each pixel lies on the grid, shape (rows, columns, 6), see
@@ -273,7 +289,7 @@ class ShadedBody:
         draw_faces(self._mesh, view, self._canvas)
         box = np.empty(4)
         self._clear[:] = False
-        if not _mark_seen(self._mesh, self._canvas, light, self._seen, box):
+        if not (_mark_seen(self._mesh, self._canvas, light, self._seen, box) and shadows):
             return (view, places) if self._seen.any() else (None, places)
         side = max(box[2] - box[0], box[3] - box[1]) * (1.0 + 4.0 / SUN_GRID)
         light.grid[:] = 0.5 * (box[0] + box[2] - side), 0.5 * (box[1] + box[3] - side), side / SUN_GRID
@@ -287,7 +303,7 @@ class ShadedBody:
         view, places = self._draw_grid(lens, pose, light, tile, along)
         if view is None:
             return
-        _prepare(self._mesh, view, self._canvas, light, self._seen, self._planes)
+        _prepare(self._mesh, view, self._canvas, light, self._seen, self._planes, True)
         _shade(self._mesh, self._canvas, light, self._planes, self._clear, places, tile, along, out)
 
 
@@ -433,8 +449,10 @@ def _covers(mesh: Mesh, light: _Light, number: Any, f: int, column: float, row: 
 
 
 @kernel
-def _prepare(mesh: Mesh, view: View, canvas: Canvas, light: _Light, seen: Mask, planes: Array) -> None:
-    """Write what is needed of each face that is seen, for a sample at a column and a row of the grid.
+def _prepare(
+    mesh: Mesh, view: View, canvas: Canvas, light: _Light, seen: Mask, planes: Array, shadows: bool
+) -> None:
+    """Write what is needed of each face that is seen, for a sample at a column and a row of the grid; without shadows 3 to 5.
 
     - 0 to 2: its radiance factor at (0, 0), and how that grows along columns and rows;
     - 3 to 5: the same of q, the sine of the angle between line of sight and face over the camera's height above the face, so
@@ -459,7 +477,7 @@ def _prepare(mesh: Mesh, view: View, canvas: Canvas, light: _Light, seen: Mask, 
                 along = axes[i, 0] * ray[0] + axes[i, 1] * ray[1] + axes[i, 2] * ray[2]
                 planes[f, 6 + 3 * i + k] = (sun[i] * q + along) / grid[2]
         planes[f, 0] = planes[f, 1] = planes[f, 2] = 0.0
-        if mu0 <= 0.0:
+        if mu0 <= 0.0 or not shadows:
             continue
         ahead, mean = True, 0.0
         for c in range(3):
@@ -541,6 +559,7 @@ def _label(
     places: Array,
     tile: tuple[int, int, int, int],
     along: int,
+    shadows: bool,
     face: Ints32,
     depth: Array,
     lit: Mask,
@@ -563,7 +582,9 @@ def _label(
                 continue
             f = np.uintp(number - 1)
             t = 1.0 / (planes[f, 3] + planes[f, 4] * at + planes[f, 5] * high)
+            face[y, x], depth[y, x] = np.int32(f), t
+            if not shadows:
+                continue
             u = t * (planes[f, 6] + planes[f, 7] * at + planes[f, 8] * high)
             v = t * (planes[f, 9] + planes[f, 10] * at + planes[f, 11] * high)
-            face[y, x], depth[y, x] = np.int32(f), t
             lit[y, x] = light.mu0[f] > 0.0 and _is_lit(mesh, light, f, u, v)
