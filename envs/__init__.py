@@ -15,7 +15,6 @@ import gymnasium
 if TYPE_CHECKING:
     from .downlink.env import SwarmDownlinkEnv, SwarmDownlinkVectorEnv
     from .downlink.parallel import SwarmDownlinkParallelEnv
-    from .observe.camera import CameraObservation
     from .observe.parallel import SwarmObserveParallelEnv, SwarmObserveParallelVectorEnv
     from .observe.single import SwarmObserveEnv
     from .observe.vector import SwarmObserveVectorEnv
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
 
 #: Where each class is defined; those of agents (`*parallel*`) and `sb3` need the extra `rl`.
 _HOMES = {
-    "CameraObservation": "observe.camera",
     "SwarmDownlinkEnv": "downlink.env",
     "SwarmDownlinkParallelEnv": "downlink.parallel",
     "SwarmDownlinkVectorEnv": "downlink.env",
@@ -49,7 +47,6 @@ _ENVIRONMENTS = {
 }
 
 __all__ = [
-    "CameraObservation",
     "SwarmDownlinkEnv",
     "SwarmDownlinkParallelEnv",
     "SwarmDownlinkVectorEnv",

@@ -10,7 +10,9 @@ from gymnasium import spaces
 from swarm_mj.compilation import kernel
 from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.camera import CameraModel
-from swarm_mj.observation.thumbnails import SIDE_PX, ThumbnailDrawer, Thumbnails
+from swarm_mj.observation.photometry import body_surface
+from swarm_mj.observation.thumbnails import PLAIN, SIDE_PX, ThumbnailDrawer, Thumbnails
+from swarm_mj.smallbody.environment import LinearMotion
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.simplify import simplify
 from swarm_mj.spacecraft.attitude.algebra import put_vector, quaternion, rotate
@@ -48,11 +50,13 @@ class BodyPictures:
         plan: The mission.
         half_angle_deg: Of the square camera along +z.
         light: `sun`, where the Sun is, or `headlight`, at the camera.
-        mesh: Drawn as it is; None: the body's, simplified.
+        mesh: Drawn as it is, reflecting as the scenario's body does and with its shadows; None: the body's, simplified, as the
+            cosine of incidence.
 
     Attributes:
         kept: Which face of the body's mesh each one is that is drawn, shape (f,).
         drawer: Draws them.
+        sun: Where the Sun is; that of the plan at first.
     """
 
     def __init__(
@@ -62,8 +66,10 @@ class BodyPictures:
         drawn = simplify(shape.vertices, shape.faces.astype(np.int64), most)
         self.kept: Ints = drawn.kept
         camera = CameraModel(half_angle_deg=half_angle_deg, resolution_px=SIDE_PX)
-        self.drawer = ThumbnailDrawer(drawn.vertices, drawn.faces, camera)
-        self._radius, self._sun, self._sunlit = plan.shape.max_radius, plan.environment.sun, light == "sun"
+        surface = None if mesh is None else body_surface(plan.scenario.body) or PLAIN
+        self.drawer = ThumbnailDrawer(drawn.vertices, drawn.faces, camera, surface)
+        self.sun: LinearMotion = plan.environment.sun
+        self._radius, self._sunlit, self._exposed = plan.shape.max_radius, light == "sun", mesh is not None
 
     def draw(self, poses: Poses, marked: Mask | None = None) -> Thumbnails:
         """Draw pictures.
@@ -76,7 +82,7 @@ class BodyPictures:
         r_A, C_BA, light_A = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
         sun_N = np.zeros((count, 3))
         for p in range(count if self._sunlit else 0):
-            sun_N[p] = self._sun.at(float(poses.t[p]))
+            sun_N[p] = self.sun.at(float(poses.t[p]))
         _to_body_frame(poses, sun_N, r_A, C_BA, light_A)
         out = self.drawer.blank(count)
         faces = np.ones((1, len(self.kept)), np.bool_) if marked is None else marked
@@ -84,9 +90,13 @@ class BodyPictures:
         return out
 
     def images(self, pictures: Thumbnails) -> Pixels:
-        """Pictures as bytes, shape (P, 3, S, S), see `CHANNELS`: nearness is the body's radius over depth, at most 1."""
+        """Pictures as bytes, shape (P, 3, S, S), see `CHANNELS`.
+
+        Nearness is the body's radius over depth, at most 1. Radiance factors are exposed so that the brightest pixel of each
+        picture is 1, as `camera.exposure_s` by itself does; the cosine of incidence is taken as it is.
+        """
         out = np.empty((len(pictures.grey), *IMAGE_SPACE.shape), np.uint8)
-        _to_bytes(pictures.grey, pictures.mask, pictures.depth, self._radius, out)
+        _to_bytes(pictures.grey, pictures.mask, pictures.depth, self._radius, self._exposed, out)
         return out
 
 
@@ -116,11 +126,15 @@ def _to_body_frame(poses: Poses, sun_N: Array, r_A: Array, C_BA: Array, light_A:
 
 
 @kernel
-def _to_bytes(grey: Array, mask: Mask, depth: Array, radius: float, out: Pixels) -> None:
+def _to_bytes(grey: Array, mask: Mask, depth: Array, radius: float, exposed: bool, out: Pixels) -> None:
     for p in range(grey.shape[0]):
+        brightest = 1.0
+        if exposed:
+            brightest = grey[p].max()
+            brightest = brightest if brightest > 0.0 else 1.0
         for i in range(grey.shape[1]):
             for j in range(grey.shape[2]):
                 z = depth[p, i, j]
-                out[p, 0, i, j] = np.uint8(255.0 * grey[p, i, j] + 0.5)
+                out[p, 0, i, j] = np.uint8(255.0 * grey[p, i, j] / brightest + 0.5)
                 out[p, 1, i, j] = np.uint8(255) if mask[p, i, j] else np.uint8(0)
                 out[p, 2, i, j] = np.uint8(255.0 * min(1.0, radius / z) + 0.5) if z > 0.0 else np.uint8(0)

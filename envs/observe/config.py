@@ -27,6 +27,7 @@ from ..arguments import (
     is_number,
     is_whole,
 )
+from ..pixels import LIGHTS
 from ..snapshots import digest
 from .catalogue import DEFAULT_COUNT, MissionSpec, chosen_missions
 from .draws import Randomisation
@@ -42,7 +43,7 @@ DISPERSIONS = (
     *("mass_percent", "inertia_percent", "wheel_coulomb_n_m", "wheel_viscous_n_m_s", "gravity_percent"),
     "harmonics_percent",
 )
-OBSERVATIONS = ("entities", "flat")
+OBSERVATIONS = ("entities", "flat", "pixels")
 #: What is to be seen: the target, or the whole body; and what agents of the multi-agent environment know.
 TARGETS, KNOWLEDGE = get_args(Target), ("full", "graph")
 #: What only flybys of the catalogue have.
@@ -66,6 +67,8 @@ class EnvConfig:
     candidates: int | None = None
     decision_s: float = DECISION_S
     observation: str = "entities"
+    camera_half_angle_deg: float | None = None
+    light: str = "sun"
     knowledge: str = "full"
     randomise: Mapping[str, Any] | None = None
     dispersions: Mapping[str, float] | None = None
@@ -77,9 +80,18 @@ class EnvConfig:
 
     def __post_init__(self) -> None:
         """Refuse what is not allowed."""
-        for name, allowed in (("observation", OBSERVATIONS), ("knowledge", KNOWLEDGE), ("target", TARGETS)):
+        named = ("observation", OBSERVATIONS), ("knowledge", KNOWLEDGE), ("target", TARGETS), ("light", LIGHTS)
+        for name, allowed in named:
             if getattr(self, name) not in allowed:
                 raise ScenarioError(f"{name} = {getattr(self, name)!r}: must be one of {', '.join(allowed)}")
+        angle = self.camera_half_angle_deg
+        if angle is not None and not (is_number(angle) and 0.0 < angle < 90.0):
+            raise ScenarioError(f"camera_half_angle_deg = {angle!r}: must be a number above 0 and below 90, or None")
+        if self.observation != "pixels" and (angle is not None or self.light != "sun"):
+            raise ScenarioError(
+                f"observation = {self.observation!r}: shows no pictures, and camera_half_angle_deg and light nothing; leave "
+                "them out, or give observation='pixels'"
+            )
         if self.observer not in get_args(ObserverKind):
             raise ScenarioError(f"observer = {self.observer!r}: must be one of {', '.join(get_args(ObserverKind))}")
         _ = self.weights
@@ -169,7 +181,16 @@ class EnvConfig:
     def fingerprint(self) -> str:
         """Digest of all that must agree where the state of a flight is taken up."""
         # What an episode is, once drawn, does not depend on the first three; the others are told by a scenario.
-        apart = ("split", "observation", "randomise", "dispersions", "sensors", "scenario")
+        apart = (
+            "split",
+            "observation",
+            "camera_half_angle_deg",
+            "light",
+            "randomise",
+            "dispersions",
+            "sensors",
+            "scenario",
+        )
         told = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in apart}
         told |= {"missions": self.names, "max_spacecraft": self.spacecraft, "decision_s": float(self.decision_s)}
         scenario = _acting(self.dispersions, self.sensors) if self.scenario is None else self._own

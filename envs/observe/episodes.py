@@ -11,15 +11,20 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.typing import Array32, Mask
+from swarm_mj.smallbody.environment import LinearMotion
+from swarm_mj.typing import Array32, Mask, Pixels
 
 from ..arguments import checked_count, refuse_more_than_fit
 from ..batch_env import StepOutcome
+from ..pixels import IMAGE_SPACE
+from .camera import SwarmCameras
 from .config import EnvConfig, MissionPool
 from .draws import EpisodeDraw
+from .flybys import TIME_OF_FLIGHT_S
 from .flying import BATCH, Fleet
 from .layout import FlatLayout, make_interface, observed_from
 from .mission import Mission
+from .pictures import FAR
 from .rewards import horizon_ended
 from .state import EpisodeState
 from .tables import BOUND
@@ -60,6 +65,7 @@ class Episodes(EpisodeState):
         )
         self.interface = make_interface(n, config.patches, config.candidates)
         self.draws: list[EpisodeDraw | None] = [None] * count
+        self._cameras = SwarmCameras(self)
         self._numbers: dict[int, int] = {}
         thread = np.array([self.flights.thread_of(e) for e in range(count)])
         self._parts: list[Mask] = [thread == k for k in range(used)]
@@ -79,6 +85,16 @@ class Episodes(EpisodeState):
         """The mission that episode e flies."""
         assert self.draws[e] is not None, "the episode has not begun"
         return self.missions[self.mission[e]]
+
+    def sun_of(self, e: int) -> LinearMotion:
+        """Where the Sun is in episode e relative to the body, in N; one that was drawn stands still, as at the arrival."""
+        mission, draw = self.mission_of(e), self.draws[e]
+        assert draw is not None
+        plan = mission.plan
+        if not mission.drawn_light:
+            return plan.environment.sun
+        sun_N = self.sheet.sun_A[e] @ plan.environment.C_AN(TIME_OF_FLIGHT_S / draw.speed) * FAR * plan.shape.max_radius
+        return LinearMotion(sun_N, np.zeros(3))
 
     def begin(self, e: int, seed: int, given: Mapping[str, Any] | None = None) -> None:
         """Start episode e anew from the seed of its flight, with values given by name in the place of drawn ones.
@@ -266,6 +282,9 @@ class Episodes(EpisodeState):
         """Of the observation of one episode, as `config.observation` asks for it."""
         if self.config.observation == "flat":
             return box(self.layout.size)
+        if self.config.observation == "pixels":
+            image = spaces.Box(0, 255, (self.n, *IMAGE_SPACE.shape), np.uint8)
+            return spaces.Dict({"image": image, "state": box(self.layout.size)})
         found: dict[str, spaces.Space[Any]] = {}
         for name, rows in self.shown().items():
             shape = rows.shape[1:]
@@ -275,7 +294,13 @@ class Episodes(EpisodeState):
     @property
     def observation(self) -> Any:
         """Of all episodes, as `config.observation` asks for it."""
+        if self.config.observation == "pixels":
+            return {"image": self.images(), "state": self.flat()}
         return self.flat() if self.config.observation == "flat" else self.shown()
+
+    def images(self) -> Pixels:
+        """What the cameras see, shape (E, n, 3, 64, 64)."""
+        return self._cameras.images()
 
     def shown(self) -> dict[str, NDArray[Any]]:
         """What agents are shown of all episodes by name, copies."""

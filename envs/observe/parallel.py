@@ -22,6 +22,7 @@ from swarm_mj.typing import Array32, Mask, Pixels
 from ..agents import PerAgent, SwarmParallelEnv
 from ..arguments import agent_names, checked_render_mode, record_of
 from ..batch_env import StepOutcome, must_have_begun
+from ..pixels import IMAGE_SPACE
 from ..snapshots import EpisodeSnapshot, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import EnvConfig
@@ -43,8 +44,9 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
     **Actions**: Discrete, one entry there. **Reward**: the team's. **Observation**: `entities`: a Dict with its own
     row of the table of spacecraft (`self`), its own row of pairs (`pairs`), the rows of the others in cyclic order (`others`),
     `patches`, `general`, and `action_mask`; or, if it chooses among candidates, these (`candidates`) in the place of pairs and
-    patches; `flat`: the same in one Box, without the mask. With `knowledge="graph"` each is shown what has reached it, see
-    `GraphKnowledge`; `knowledge="full"` shows all to all, which no spacecraft may be able to know. `state()` is the flat
+    patches; `flat`: the same in one Box, without the mask; `pixels`: that as `state`, and what its own camera sees as `image`.
+    With `knowledge="graph"` each is shown what has reached it, see `GraphKnowledge`; `knowledge="full"` shows all to all, which
+    no spacecraft may be able to know. `state()` is the flat
     observation of `SwarmObserveEnv`, for critics. Infos hold what that environment tells, `action_mask` only beside flat
     observations, `reward_terms` as an array in the order of `rewards.TERMS`, and `end` as a number in `rewards.ENDS`, 0 where
     the flight goes on.
@@ -154,7 +156,7 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
 
     def _infos(self, agents: list[str], info: dict[str, Any]) -> PerAgent:
         own = {name: value for name, value in info.items() if name != "action_mask"}
-        if self.config.observation != "flat":
+        if self.config.observation == "entities":
             return {agent: dict(own) for agent in agents}
         mask, alike = self.batch.interface.shown(self._observed)["action_mask"], self._knowledge is None
         rows = {agent: self._number[agent] for agent in agents}
@@ -192,8 +194,17 @@ def local_observations(episodes: Episodes, observed: Observed | None = None) -> 
     Tables by name take the place of those of the episodes where they are given.
     """
     shown = episodes.interface.shown(episodes.entities() if observed is None else observed)
-    if episodes.config.observation == "flat":
-        return list(local_rows(shown).transpose(1, 0, 2).copy())
+    if episodes.config.observation != "entities":
+        rows = list(local_rows(shown).transpose(1, 0, 2).copy())
+        if episodes.config.observation == "flat":
+            return rows
+        images = episodes.images()
+        # Where each is shown what it knows, tables are those of n of them, of one episode.
+        count = max(len(images), len(rows[0]))
+        return [
+            {"image": np.tile(images[:, j], (count // len(images), 1, 1, 1)), "state": rows[j]}
+            for j in range(episodes.n)
+        ]
     parts = local_parts(shown) | {"action_mask": shown["action_mask"]}
     return [{name: part[:, j].copy() for name, part in parts.items()} for j in range(episodes.n)]
 
@@ -203,6 +214,8 @@ def local_space(episodes: Episodes) -> spaces.Space[Any]:
     shown = local_observations(episodes)[0]
     if not isinstance(shown, dict):
         return box(shown.shape[1])
+    if "image" in shown:
+        return spaces.Dict({"image": IMAGE_SPACE, "state": box(shown["state"].shape[1])})
     found: dict[str, spaces.Space[Any]] = {name: box(*part.shape[1:]) for name, part in shown.items()}
     return spaces.Dict(found | {"action_mask": spaces.MultiBinary(episodes.choices)})
 

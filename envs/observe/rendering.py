@@ -14,27 +14,19 @@ import numpy as np
 
 from swarm_mj.errors import ObserverError
 from swarm_mj.flight.plan import Plan
-from swarm_mj.smallbody.environment import LinearMotion
 from swarm_mj.typing import Pixels
 
 from ..arguments import nothing_to_draw
 from ..batch_env import must_have_begun
 from .draws import EpisodeDraw
 from .episodes import Episodes
-from .flybys import TIME_OF_FLIGHT_S
-from .pictures import FAR
 from .rewards import measures
 
 
 def lit_plan(episodes: Episodes, e: int) -> Plan:
     """The plan of episode e, with the Sun that was drawn for it where it is at the arrival."""
-    mission, draw = episodes.mission_of(e), episodes.draws[e]
-    assert draw is not None
-    plan = mission.plan
-    if not mission.drawn_light:
-        return plan
-    sun_N = episodes.sheet.sun_A[e] @ plan.environment.C_AN(TIME_OF_FLIGHT_S / draw.speed) * FAR * plan.shape.max_radius
-    return replace(plan, environment=replace(plan.environment, sun=LinearMotion(sun_N, np.zeros(3))))
+    plan, sun = episodes.mission_of(e).plan, episodes.sun_of(e)
+    return plan if sun is plan.environment.sun else replace(plan, environment=replace(plan.environment, sun=sun))
 
 
 class _Picture:

@@ -120,7 +120,19 @@ flight; it happens when the next picture is due, before it is taken |
 
     `entities`, the default: a Dict of `spacecraft` (n, 24), `patches` (K, 9), `pairs` (n, K, 9), `general` (14), `alive` (n)
     and `action_mask`. `flat`: a Box of spacecraft, pairs, the first two columns of patches, and general; `batch.layout.split`
-    takes it apart. Frame: east, north, up at the target's middle, turning with the body. Units: H, 60 s, the target's area,
+    takes it apart. `pixels`: a Dict of `state`, as `flat`, and `image`, uint8, (n, 3, 64, 64), what each camera sees as the
+    step ends, +x of the spacecraft to the right and +y down; poses are the true ones, whatever sensors are flown:
+
+    | channel | meaning |
+    |---|---|
+    | 0 | grey: light by the body's law (`body.photometry`; Lambert's where it has none), with the shadows that it casts on \
+itself, exposed so that the brightest pixel of a picture is 255; `body.face_albedo` is left out |
+    | 1 | mask: 255 where the cell of the target has been seen by anybody |
+    | 2 | nearness: 255 times the body's largest radius over depth along +z, at most 255; 0 in the sky |
+
+    The mesh is that of the target's cells, unsimplified. Of the tables:
+
+    Frame: east, north, up at the target's middle, turning with the body. Units: H, 60 s, the target's area,
     the yardsticks A and D, see Reward. Columns are named in `tables.SPACECRAFT`, `PATCHES`, `PAIRS` and `GENERAL`:
 
     | table | columns |
@@ -226,7 +238,9 @@ the body and of its horizons, link budget |
 cell |
     | candidates | None | R, at most K, or None for all patches |
     | decision_s | 20 | length of a step [s]: whole control periods (1 s) that divide the duration (600 s) |
-    | observation | "entities" | or "flat"; `CameraObservation` adds what the cameras see |
+    | observation | "entities" | or "flat" or "pixels" |
+    | camera_half_angle_deg | None | of the cameras of `pixels`; None for the mission's |
+    | light | "sun" | of `pixels`, or `"headlight"`, from the camera |
     | knowledge | "full" | here one agent decides for all and only "full" is allowed; agents of the multi-agent environment \
 know what has reached them ("graph"), or, as a privilege, "full" |
     | observer | "horizon" | the judge of pictures: `horizon` (maps, constant time); with `scenario=` also `raycast`, \

@@ -4,31 +4,30 @@ A picture is a map of radiance factors I/F (see `photometry`), averaged over the
 
 1. Face numbers of a grid of samples, several along each pixel, by the rasteriser. Small bodies get more of them, up to `MOST`
    along a pixel, so that a body of five pixels is as well sampled as one that fills the picture.
-2. The same from the Sun, by parallel rays, over what of the body the picture shows: which face the light meets first.
-3. For each sample the point where its line of sight meets the plane of its face, in double precision. It is in shadow if a face
-   seen from the Sun at one of the four nearest places covers exactly that point from above. Shadows are as sharp as the mesh
-   then; only of what is narrower than a place on the map from the Sun part of a shadow may be lost.
+2. The same from the Sun, over what of the body the picture shows, see `shadows`.
+3. For each sample the point where its line of sight meets the plane of its face, in double precision, and whether it lies in
+   shadow.
 4. The radiance factor there, linear between those at the corners of the face.
 
-Faces are flat and as bright as their law says at their own incidence and emission. The Sun is a point: at 1 au its disc of
-0.53 deg would soften the edge of a shadow by 0.9 % of the way from what casts it, less than a pixel wherever that way is less
-than a hundred pixels. Faces send no light to each other.
+Faces are flat and as bright as their law says at their own incidence and emission. The Sun is a point: what its disc would
+soften is less than a pixel wherever a shadow is cast from less than a hundred pixels away. Faces send no light to each other.
 """
 
 from __future__ import annotations
 
-from math import ceil, floor, sqrt
-from typing import Any, NamedTuple
+from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from swarm_mj.compilation import allocation_free, jittable, kernel
+from swarm_mj.compilation import allocation_free, kernel
 from swarm_mj.observation.camera import CameraPose
 from swarm_mj.observation.lens import Lens
 from swarm_mj.observation.photometry import Surface, radiance_factor
-from swarm_mj.observation.raster import NEAREST, Canvas, Mesh, View, draw_faces, draw_projected, make_canvas, make_mesh
+from swarm_mj.observation.raster import NEAREST, Canvas, Mesh, View, draw_faces, make_canvas, make_mesh
+from swarm_mj.observation.shadows import SunMap, draw_from_sun, find_clear, frame, is_lit, make_sun_map, turn_to
 from swarm_mj.typing import Array, Array32, Ints32, Mask
 
 #: Samples along a side of the grid that is drawn at once.
@@ -41,8 +40,6 @@ BENT = 8
 SMALL_PX = 32
 #: Places along a side of the map from the Sun.
 SUN_GRID = 1024
-#: How far above its face a sample must be covered to lie in shadow, over the body's depth: rounding of double precision.
-ABOVE = 1e-9
 
 
 class Labels(NamedTuple):
@@ -74,21 +71,15 @@ class _Light(NamedTuple):
         surface: Reflectance law.
         albedo: Factor of each face, shape (f,).
         normals: Outward unit normals in A, shape (f, 3).
-        axes: Two axes across the Sun's direction and that direction, rows, shape (3, 3).
         mu0: Cosine of each face's incidence, shape (f,).
-        shades: Numbers of the faces seen from the Sun plus one, row by row; as `Canvas.picture`.
-        from_sun: Column, row and height of each vertex on that map, heights over the body's extent, shape (v, 3).
-        grid: Of the map: the two coordinates of its corner [m] and the size of a place [m].
+        sun: The body as the Sun sees it.
     """
 
     surface: Surface
     albedo: Array
     normals: Array
-    axes: Array
     mu0: Array
-    shades: NDArray[np.uint32]
-    from_sun: Array
-    grid: Array
+    sun: SunMap
 
 
 class ShadedBody:
@@ -108,7 +99,7 @@ class ShadedBody:
         self._mesh = make_mesh(vertices, faces)
         self._albedo = np.ones(len(faces)) if face_albedo is None else np.array(face_albedo, np.float64)
         self._canvas = make_canvas(GRID, len(vertices), len(faces))
-        self._from_sun = make_canvas(SUN_GRID, len(vertices), len(faces))
+        self._sun = make_sun_map(make_canvas(SUN_GRID, len(vertices), len(faces)))
         self._planes = np.empty((len(faces), 12))
         self._seen, self._clear = np.zeros((2, len(faces)), np.bool_)
         self.move(vertices)
@@ -249,12 +240,8 @@ class ShadedBody:
 
     def _light(self, sun_A: Array) -> _Light:
         to_sun = np.asarray(sun_A, np.float64) / np.linalg.norm(sun_A)
-        first = np.cross(np.eye(3)[np.abs(to_sun).argmin()], to_sun)
-        first /= np.linalg.norm(first)
-        axes = np.array([first, np.cross(to_sun, first), to_sun])
-        mu0 = self._normals @ to_sun
-        seen = self._from_sun
-        return _Light(self.surface, self._albedo, self._normals, axes, mu0, seen.picture, seen.projected, np.zeros(3))
+        turn_to(self._sun, *to_sun)
+        return _Light(self.surface, self._albedo, self._normals, self._normals @ to_sun, self._sun)
 
     def _draw_grid(
         self,
@@ -291,10 +278,9 @@ class ShadedBody:
         self._clear[:] = False
         if not (_mark_seen(self._mesh, self._canvas, light, self._seen, box) and shadows):
             return (view, places) if self._seen.any() else (None, places)
-        side = max(box[2] - box[0], box[3] - box[1]) * (1.0 + 4.0 / SUN_GRID)
-        light.grid[:] = 0.5 * (box[0] + box[2] - side), 0.5 * (box[1] + box[3] - side), side / SUN_GRID
-        _draw_from_sun(self._mesh, light, self._from_sun)
-        _find_clear(self._mesh, self._from_sun, self._seen, self._clear)
+        frame(self._sun, box[0], box[1], box[2], box[3])
+        draw_from_sun(self._mesh, self._sun)
+        find_clear(self._mesh, self._sun.canvas, self._seen, self._clear)
         return view, places
 
     def _draw_tile(
@@ -333,7 +319,7 @@ def _mark_seen(mesh: Mesh, canvas: Canvas, light: _Light, seen: Mask, box: Array
             if number > 0:
                 seen[number - 1] = True
     box[:2], box[2:] = np.inf, -np.inf
-    axes = light.axes
+    axes = light.sun.axes
     for f in range(len(seen)):
         if not (seen[f] and light.mu0[f] > 0.0):
             continue
@@ -346,112 +332,7 @@ def _mark_seen(mesh: Mesh, canvas: Canvas, light: _Light, seen: Mask, box: Array
 
 
 @kernel
-def _draw_from_sun(mesh: Mesh, light: _Light, canvas: Canvas) -> None:
-    """Draw what the light meets first: by parallel rays, nearer is higher towards the Sun."""
-    axes, grid, projected = light.axes, light.grid, canvas.projected
-    lowest, highest = np.inf, -np.inf
-    for v in range(mesh.vertices.shape[0]):
-        p = mesh.vertices[v]
-        for k in range(2):
-            at = axes[k, 0] * p[0] + axes[k, 1] * p[1] + axes[k, 2] * p[2]
-            projected[v, k] = (at - grid[k]) / grid[2]
-        height = axes[2, 0] * p[0] + axes[2, 1] * p[1] + axes[2, 2] * p[2]
-        projected[v, 2] = height
-        lowest, highest = min(lowest, height), max(highest, height)
-    scale = 1.0 / (highest - lowest)
-    for v in range(mesh.vertices.shape[0]):
-        projected[v, 2] = 1.0 + (projected[v, 2] - lowest) * scale
-    draw_projected(mesh, canvas)
-
-
-@allocation_free
-def _find_clear(mesh: Mesh, canvas: Canvas, seen: Mask, clear: Mask) -> None:
-    """Tell of which seen faces the Sun sees every place, so that none of their samples needs to be asked.
-
-    A face is clear if it has places on the map from the Sun, and all whose centres lie in it are its own.
-    """
-    size, at, picture = canvas.row_span.shape[0], canvas.projected, canvas.picture
-    for f in range(len(seen)):
-        clear[f] = False
-        if not seen[f]:
-            continue
-        a, b, c = mesh.faces[f, 0], mesh.faces[f, 1], mesh.faces[f, 2]
-        area = (at[b, 0] - at[a, 0]) * (at[c, 1] - at[a, 1]) - (at[b, 1] - at[a, 1]) * (at[c, 0] - at[a, 0])
-        if not area > 0.0:
-            continue
-        bottom = int(ceil(min(at[a, 1], at[b, 1], at[c, 1]) - 0.5))
-        top = int(floor(max(at[a, 1], at[b, 1], at[c, 1]) - 0.5))
-        own, some, all_own = np.uint32(f + 1), False, True
-        for row in range(max(bottom, 0), min(top, size - 1) + 1):
-            left, right, y = -1e300, 1e300, row + 0.5
-            for k in range(3):
-                i, j = mesh.faces[f, k], mesh.faces[f, (k + 1) % 3]
-                rise = at[j, 1] - at[i, 1]
-                if rise == 0.0:
-                    continue
-                x = at[i, 0] + (at[j, 0] - at[i, 0]) * ((y - at[i, 1]) / rise)
-                if rise > 0.0:  # counter-clockwise: what goes up bounds on the right
-                    right = min(right, x)
-                else:
-                    left = max(left, x)
-            first, last = int(ceil(max(left, 0.0) - 0.5)), int(floor(min(right, size * 1.0) - 0.5))
-            for column in range(first, last + 1):
-                some = True
-                if picture[np.uintp(row * size + column)] != own:
-                    all_own = False
-                    break
-            if not all_own:
-                break
-        clear[f] = some and all_own
-
-
-@jittable
-def _is_lit(mesh: Mesh, light: _Light, f: Any, column: float, row: float) -> bool:
-    """Whether the Sun reaches a place of a face that is turned to it; the place is given on the map from the Sun."""
-    i, j = int(floor(column - 0.5)), int(floor(row - 0.5))
-    if i < 0 or j < 0 or i >= SUN_GRID - 1 or j >= SUN_GRID - 1:
-        return True
-    own, at = np.uint32(f + 1), np.uintp(j * SUN_GRID + i)
-    a, b = light.shades[at], light.shades[at + np.uintp(1)]
-    c, d = light.shades[at + np.uintp(SUN_GRID)], light.shades[at + np.uintp(SUN_GRID + 1)]
-    if (a == own) & (b == own) & (c == own) & (d == own):
-        return True
-    return not (
-        (a != own and _covers(mesh, light, a, f, column, row))
-        or (b != own and b != a and _covers(mesh, light, b, f, column, row))
-        or (c != own and c != a and c != b and _covers(mesh, light, c, f, column, row))
-        or (d != own and d != a and d != b and d != c and _covers(mesh, light, d, f, column, row))
-    )
-
-
-@jittable
-def _covers(mesh: Mesh, light: _Light, number: Any, f: int, column: float, row: float) -> bool:
-    """Whether a face, given as its number plus one, lies exactly above a place of face f, as the Sun sees it."""
-    if number == 0:
-        return False
-    g, at, faces = int(number) - 1, light.from_sun, mesh.faces
-    a, b, c = faces[g, 0], faces[g, 1], faces[g, 2]
-    ua, va = at[a, 0] - column, at[a, 1] - row
-    ub, vb = at[b, 0] - column, at[b, 1] - row
-    uc, vc = at[c, 0] - column, at[c, 1] - row
-    wa, wb, wc = ub * vc - uc * vb, uc * va - ua * vc, ua * vb - ub * va
-    whole = wa + wb + wc
-    if wa < 0.0 or wb < 0.0 or wc < 0.0 or whole <= 0.0:
-        return False
-    above = (wa * at[a, 2] + wb * at[b, 2] + wc * at[c, 2]) / whole
-    # The face's own height there, as its plane goes.
-    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-    ub, vb, hb = at[b, 0] - at[a, 0], at[b, 1] - at[a, 1], at[b, 2] - at[a, 2]
-    uc, vc, hc = at[c, 0] - at[a, 0], at[c, 1] - at[a, 1], at[c, 2] - at[a, 2]
-    area = ub * vc - uc * vb
-    u, v = column - at[a, 0], row - at[a, 1]
-    return above > at[a, 2] + (u * (hb * vc - hc * vb) + v * (hc * ub - hb * uc)) / area + ABOVE
-
-
-@kernel
-def _prepare(
-    mesh: Mesh, view: View, canvas: Canvas, light: _Light, seen: Mask, planes: Array, shadows: bool
-) -> None:
+def _prepare(mesh: Mesh, view: View, canvas: Canvas, light: _Light, seen: Mask, planes: Array, shadows: bool) -> None:
     """Write what is needed of each face that is seen, for a sample at a column and a row of the grid; without shadows 3 to 5.
 
     - 0 to 2: its radiance factor at (0, 0), and how that grows along columns and rows;
@@ -459,7 +340,7 @@ def _prepare(
       that 1 / q is the distance along the line of sight [m];
     - 6 to 8: the same of the column on the map from the Sun, times q; 9 to 11: of its row.
     """
-    s, r, grid, axes = light.axes[2], view.r_A, light.grid, light.axes
+    s, r, grid, axes = light.sun.axes[2], view.r_A, light.sun.grid, light.sun.axes
     A_from_pixel = np.linalg.inv(view.pixel_from_A)
     value, sun = np.empty(3), np.empty(2)
     for k in range(2):
@@ -545,7 +426,7 @@ def _shade(
                     t = 1.0 / (planes[f, 3] + planes[f, 4] * at + planes[f, 5] * high)
                     u = t * (planes[f, 6] + planes[f, 7] * at + planes[f, 8] * high)
                     v = t * (planes[f, 9] + planes[f, 10] * at + planes[f, 11] * high)
-                    if _is_lit(mesh, light, f, u, v):
+                    if is_lit(mesh, light.sun, f, u, v):
                         total += value
             out[y, x] = total * share
 
@@ -587,4 +468,4 @@ def _label(
                 continue
             u = t * (planes[f, 6] + planes[f, 7] * at + planes[f, 8] * high)
             v = t * (planes[f, 9] + planes[f, 10] * at + planes[f, 11] * high)
-            lit[y, x] = light.mu0[f] > 0.0 and _is_lit(mesh, light, f, u, v)
+            lit[y, x] = light.mu0[f] > 0.0 and is_lit(mesh, light.sun, f, u, v)

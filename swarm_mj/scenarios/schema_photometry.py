@@ -60,8 +60,8 @@ SETS: dict[str, dict[str, Any]] = {
         "opposition_width": 0.010,
         "roughness_deg": 28.0,
     },
-    # Takir et al. 2015, Icarus 252, 393: geometric albedo 0.047 by Lommel-Seeliger, as the abstract says. The exponents are those
-    # commonly quoted from it, not compared with its table; they fall by 0.04 mag/deg up to 30 deg.
+    # Takir et al. 2015, Icarus 252, 393: geometric albedo 0.047 by Lommel-Seeliger, as the abstract says. The exponents are
+    # those commonly quoted from it, not compared with its table; they fall by 0.04 mag/deg up to 30 deg.
     "bennu": {"law": "lommel_seeliger", "albedo": 0.047, "phase_exponents": (-4.36e-2, 2.69e-4, -9.90e-7)},
     # Kitazato et al. 2008, Icarus 194, 137, as commonly quoted, not compared with its table (roughness 26 deg, as its abstract
     # says): near infrared (1.6 um), where Itokawa is somewhat brighter than in green light.

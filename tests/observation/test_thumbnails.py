@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from swarm_mj.observation.camera import CameraModel, look_at
+from swarm_mj.observation.photometry import radiance_factors, surface_of
 from swarm_mj.observation.thumbnails import ThumbnailDrawer
+from swarm_mj.scenarios.schema_photometry import Photometry
 
 SIDE, HALF_DEG = 64, 30.0
 
@@ -96,6 +98,53 @@ def test_silhouette_depth_and_shade_are_those_of_rays(drawer):
             pictures.mask[k] == (marked[who] & body)
         )
         assert agree[same].mean() > 0.995  # the other face of an edge may win where their depths are equal
+
+
+def test_light_follows_the_law_and_the_body_shades_itself():
+    """Against the law for the face's normal, and rays from each place to the Sun, with all faces but its own."""
+    vertices, faces = blob()
+    surface = surface_of(
+        Photometry(law="lunar_lambert", albedo=0.2, phase_exponents=(-0.02, 0.0, 0.0), partition=(-0.01, 0.0, 0.0))
+    )
+    drawer = ThumbnailDrawer(vertices, faces, CameraModel(half_angle_deg=HALF_DEG, resolution_px=SIDE), surface)
+    normals = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    poses = [
+        look_at([2600.0, 900.0, 400.0], [0.0, 0.0, 0.0], roll=0.7),
+        look_at([300.0, 2600.0, -500.0], [0.0, 0.0, 0.0]),
+    ]
+    shaded = 0
+    for light in ([0.2, 0.95, 0.1], [0.9, 0.1, 0.3]):
+        light = np.array(light) / np.linalg.norm(light)
+        pictures = drawn(drawer, poses, light)
+        for k, pose in enumerate(poses):
+            rays = rays_of(pose)
+            who, depth = (each.ravel() for each in first_hits(pose.r_A, rays, vertices, faces))
+            hit = np.flatnonzero(who >= 0)
+            place = pose.r_A + depth[hit, None] * rays[hit]
+            back = -rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
+            n = normals[who[hit]]
+            grey = np.zeros(len(who))
+            grey[hit] = radiance_factors(surface, n @ light, np.einsum("nk,nk->n", n, back), back @ light)
+            for pixel, point in zip(hit, place, strict=True):
+                other = np.delete(faces, who[pixel], axis=0)
+                covered = grey[pixel] > 0.0 and crossed(point, light, vertices, other)
+                shaded += covered
+                grey[pixel] = 0.0 if covered else grey[pixel]
+            same = np.isclose(pictures.grey[k].ravel(), grey, atol=2e-5)
+            assert same.mean() > 0.985
+    assert shaded > 200
+
+
+def crossed(origin, direction, vertices, faces):
+    """Whether a ray meets any face."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    e1, e2, s = b - a, c - a, origin - a
+    p, q = np.cross(direction, e2), np.cross(s, e1)
+    det = np.einsum("nk,nk->n", e1, p)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v, t = np.einsum("nk,nk->n", s, p) / det, q @ direction / det, np.einsum("nk,nk->n", e2, q) / det
+    return bool(((u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t > 1e-6)).any())
 
 
 def test_a_light_at_the_camera_lights_all_that_is_seen(drawer):
