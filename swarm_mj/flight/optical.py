@@ -33,6 +33,7 @@ from swarm_mj.observation.shading import ShadedBody
 from swarm_mj.scenarios.schema_navigation import OpticalNavigation
 from swarm_mj.simulator.faults.dispersions import ARCSEC, Stream, stream
 from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.simulator.telemetry import correlated
 from swarm_mj.smallbody.simplify import simplify
 from swarm_mj.spacecraft.mounting import nominal_mount, true_mount
 from swarm_mj.typing import Array
@@ -62,6 +63,7 @@ class PictureRecord:
         nis: Innovation squared over its covariance, where it got that far.
         dof: Number of its components.
         diameter_px: Of the body on it.
+        points_A: Landmarks that were found again, in the frame of the body as it is believed [m].
     """
 
     t: float
@@ -71,6 +73,7 @@ class PictureRecord:
     nis: float | None = None
     dof: int = 0
     diameter_px: float = 0.0
+    points_A: tuple[tuple[float, ...], ...] = ()
 
 
 @dataclass(eq=False)
@@ -168,7 +171,13 @@ class OpticalNavigator:
     def sampled(self, simulation: Simulation) -> dict[str, NDArray[Any]]:
         """Estimates and what their filters believe of them."""
         r_N, v_N = simulation.state.known()
-        return {"r_BN_N_estimate": r_N, "v_BN_N_estimate": v_N, "position_sigma": self._sigma.copy()}
+        sigma, shares = correlated(self._covariance)
+        return {
+            "r_BN_N_estimate": r_N,
+            "v_BN_N_estimate": v_N,
+            "r_BN_N_sigma": sigma,
+            "r_BN_N_correlation": shares,
+        }
 
     def record(self) -> list[dict[str, Any]]:
         """What became of all pictures, as plain data."""
@@ -327,14 +336,31 @@ class OpticalNavigator:
             self._note(event, fix.kind, fix.why, None, 0, diameter)
             return
         update = each.use_fix(j, fix, believed_AN)
-        self._note(event, fix.kind, "" if update.accepted else WILD, update.nis, update.dof, diameter)
+        points = tuple(tuple(point) for point in np.round(fix.points_A, 3).tolist())
+        self._note(event, fix.kind, "" if update.accepted else WILD, update.nis, update.dof, diameter, points)
 
-    def _note(self, event: _Event, kind: str, why: str, nis: float | None, dof: int, diameter_px: float = 0.0) -> None:
+    def _note(
+        self,
+        event: _Event,
+        kind: str,
+        why: str,
+        nis: float | None,
+        dof: int,
+        diameter_px: float = 0.0,
+        points_A: tuple[tuple[float, ...], ...] = (),
+    ) -> None:
         name = self.plan.names[event.spacecraft]
         name = name if event.other is None else f"{name}-{self.plan.names[event.other]}"
         self.records.append(
             PictureRecord(
-                t=event.t, spacecraft=name, kind=kind, why=why, nis=nis, dof=dof, diameter_px=round(diameter_px, 2)
+                t=event.t,
+                spacecraft=name,
+                kind=kind,
+                why=why,
+                nis=nis,
+                dof=dof,
+                diameter_px=round(diameter_px, 2),
+                points_A=points_A,
             )
         )
 
@@ -345,11 +371,11 @@ class OpticalNavigator:
             now = self._filters
         else:
             now = [each.coast(t, self._pushes(g)) for g, each in enumerate(self._filters)]
-        self._sigma = np.empty(self.plan.n)
+        self._covariance = np.empty((self.plan.n, 3, 3))
         for j, (g, own) in self._place.items():
             flights.off_r_N[0, j] = now[g].r_N[own] - state.r_N[j]
             flights.off_v_N[0, j] = now[g].v_N[own] - state.v_N[j]
-            self._sigma[j] = now[g].position_sigma(own)
+            self._covariance[j] = now[g].covariance(own)[:3, :3]
         flights.guessed_at[0], flights.guessing[0] = t, True
 
     def _pushes(self, g: int) -> list[tuple[float, int, Array]]:

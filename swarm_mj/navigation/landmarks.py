@@ -95,7 +95,8 @@ def measure_landmarks(
     # A turn of the camera moves all landmarks as one; what position would do the same follows from the fit.
     assert last is not None  # there are rounds
     turn = _turn_as_position(believed, last, floor_px)
-    return Fix("landmarks", believed.pose.r_A - start, np.eye(3), P, turn, count)
+    points_A = believed.pose.r_A + last.points_C @ believed.pose.C_CA
+    return Fix("landmarks", believed.pose.r_A - start, np.eye(3), P, turn, count, points_A)
 
 
 def _align(seen: SeenPicture, predictor: Predictor, signal: Array, search_px: float) -> Array | Rejected:

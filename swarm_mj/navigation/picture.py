@@ -51,6 +51,7 @@ class Fix(NamedTuple):
         R: Covariance of y, shape (m, m); without errors of the camera's attitude.
         turn: Derivatives of y by a small turn of the camera about its axes [unit of y / rad], shape (m, 3).
         used: Points that were used: of the limb, or landmarks; pixels of a centroid.
+        points_A: Landmarks on the body [m], shape (k, 3).
     """
 
     kind: str
@@ -59,6 +60,7 @@ class Fix(NamedTuple):
     R: Array
     turn: Array
     used: int
+    points_A: Array = np.empty((0, 3))
 
     def covariance(self, attitude_rad: float) -> Array:
         """R with an error of the camera's attitude about each axis, 1 sigma, shape (m, m)."""

@@ -12,6 +12,7 @@ import xarray as xr
 from swarm_mj.flight.observe import arrival_samples
 from swarm_mj.flight.plan import Plan
 from swarm_mj.records.rounding import by_name, rounded
+from swarm_mj.simulator.telemetry import position_covariance
 from swarm_mj.typing import Array
 
 #: Share of the camera's half-angle from which an error of aim at the arrival is worth a remark.
@@ -32,7 +33,7 @@ def optical_summary(plan: Plan, telemetry: xr.Dataset) -> Row:
     at = arrivals, np.arange(n)
     distance = np.linalg.norm(telemetry["r_BN_N"].values[at], axis=-1)
     aim_deg = np.degrees(_across(off[at], telemetry["r_BN_N"].values[at]) / distance)
-    sigma = telemetry["position_sigma"].values
+    sigma = np.sqrt(np.linalg.eigvalsh(position_covariance(telemetry))[..., -1])
     dof = sum(one["dof"] for one in used)
     found = {
         "used": dict(Counter(one["kind"] for one in used)),

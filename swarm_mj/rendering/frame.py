@@ -12,6 +12,20 @@ from swarm_mj.rendering.palette import FAINT, MODES, Rgb
 from swarm_mj.typing import Array, Ints, Mask
 
 
+class Belief(NamedTuple):
+    """What is believed of the positions of n spacecraft.
+
+    Attributes:
+        r_N: Positions, shape (n, 3) [m].
+        covariance: In N, shape (n, 3, 3) [m^2].
+        landmarks_A: Those of the latest picture of each, shape (k, 3) each [m].
+    """
+
+    r_N: Array
+    covariance: Array
+    landmarks_A: tuple[Array, ...]
+
+
 class Traffic(NamedTuple):
     """Data under way at one time.
 
@@ -47,6 +61,7 @@ class Instant:
         traffic: Data under way; None: not known, or none in the whole flight.
         note: Stands in a line of its own.
         C_CN: Rotations from N to the frames of the cameras, shape (n, 3, 3); None: they are those of the spacecraft.
+        belief: Where the spacecraft believe to be; None: they know.
     """
 
     t: float
@@ -63,6 +78,7 @@ class Instant:
     traffic: Traffic | None = None
     note: str = ""
     C_CN: Array | None = None
+    belief: Belief | None = None
 
     @property
     def n(self) -> int:

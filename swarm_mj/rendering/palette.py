@@ -16,6 +16,9 @@ TEXT: Rgb = (240, 240, 240)
 FAINT: Rgb = (150, 150, 150)
 TRAIL: Rgb = (190, 190, 190)
 
+#: What navigation by pictures believes.
+BELIEVED: Rgb = (240, 228, 66)
+
 #: Data under way: packets and what is said of them, and the lines that they move along.
 PACKET: Rgb = (255, 176, 222)
 PACKET_LINE: Rgb = (204, 121, 167)

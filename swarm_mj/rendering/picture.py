@@ -29,6 +29,7 @@ from swarm_mj.rendering.canvas import LEAST_SIDE, MOST_SIDE, Box, Canvas, Projec
 from swarm_mj.rendering.decorations import NextGeom, decorate, sights
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.model import build_drawing_model
+from swarm_mj.rendering.navigation import BeliefOverlay, known_to
 from swarm_mj.rendering.overlay import MAX_NAMED, Corner, Lettering, Line, clock, deed, roles
 from swarm_mj.rendering.palette import MODES, PACKET, TEXT
 from swarm_mj.rendering.transfers import RADIUS, draw_transfers, words
@@ -147,6 +148,8 @@ class Drawing:
         self._canvas = Canvas(self._model, width, height)
         self._ruler = Lettering(np.zeros((height, width, 3), np.uint8))
         self._corners: dict[str, Corner] = {}
+        sides = {box.width for box in self._layout.cameras.values()}
+        self._beliefs = BeliefOverlay(plan, sides.pop()) if sides else None
         self._line_scale = max(1.0, height / NOMINAL_HEIGHT)
 
     def draw(self, instant: Instant) -> Pixels:
@@ -229,8 +232,12 @@ class Drawing:
         inset: Box | None,
         cameras: dict[int, Projection],
     ) -> Pixels:
-        for view in cameras.values():
+        belief = instant.belief
+        for j, view in cameras.items():
             _shade_outside(pixels, view.box, self._plan.scenario.camera.sides)
+            if belief is not None and self._beliefs is not None:
+                pose = instant.r_BN_N[j], instant.cameras[j], instant.C_AN
+                pixels = self._beliefs.draw(pixels, view, belief, j, *pose)
         lettering, names = Lettering(pixels), self._plan.names
         labels = list(zip(names, instant.colours, strict=True))
         lines, share = self._lines(instant), self._share(instant)
@@ -246,7 +253,8 @@ class Drawing:
                 lettering.names(points_N, named, projection, dots=range(instant.n, len(named)))
             self._name_sights(lettering, instant, projection)
         for j, view in cameras.items():
-            lettering.caption(f"{names[j]} {deed(instant, names, j)}", view.box, labels[j][1])
+            known = "" if belief is None else f", {known_to(belief, j)}"
+            lettering.caption(f"{names[j]} {deed(instant, names, j)}{known}", view.box, labels[j][1])
             others = np.delete(np.arange(instant.n), j)
             lettering.names(instant.r_BN_N[others], [labels[k] for k in others], view, dots=range(len(others)))
             if _is_dark(pixels, view.box) and not view.place(instant.r_BN_N[others])[1].any():

@@ -22,6 +22,7 @@ from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.records.passage import encounter
 from swarm_mj.records.run_record import read_run
 from swarm_mj.rendering.frame import Instant
+from swarm_mj.rendering.navigation import BeliefHistory
 from swarm_mj.rendering.transfers import transfers_of
 from swarm_mj.scenarios.itinerary import last_arrival_s
 from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp, quaternions
@@ -73,6 +74,7 @@ class Replay:
         self._works = _flags(telemetry, "operational")
         self._camera_on = _flags(telemetry, "camera_on")
         self._transfers = transfers_of(delivery, float(self.times[-1]))
+        self._beliefs = BeliefHistory(plan, telemetry) if "r_BN_N_estimate" in telemetry else None
         self._trail_times = np.linspace(self.times[0], self.times[-1], trail_points(plan.n))
         self._trail_N = self._position(self._trail_times)
 
@@ -131,6 +133,7 @@ class Replay:
             trail_N=np.concatenate((self._trail_N[self._trail_times < t], r_BN_N[None])),
             traffic=None if self._transfers is None else self._transfers.at(t),
             C_CN=None if self._q_CN is None else self._attitudes(self._q_CN, t, k),
+            belief=None if self._beliefs is None else self._beliefs.at(t, r_BN_N),
         )
 
     def _attitudes(self, q: Array, t: float, k: int) -> Array:

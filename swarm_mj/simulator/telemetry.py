@@ -130,11 +130,15 @@ VARIABLES = {
         optional=True,
     ),
     "v_BN_N_estimate": _signed(FASTEST, "m s-1", "N", "velocity, likewise", optional=True),
-    "position_sigma": _amount(
+    "r_BN_N_sigma": _signed(
         FARTHEST,
         "m",
-        "standard deviation of that position along its widest axis, as its filter believes",
+        "N",
+        "standard deviation of the components of that position, as its filter believes",
         optional=True,
+    ),
+    "r_BN_N_correlation": _signed(
+        1.001, "1", "N", "correlation of its components y and z, x and z, x and y, likewise", optional=True
     ),
     "thrust_N": _signed(FASTEST, "N", "N", "mean force of the thrusters, held from this sample on", optional=True),
     "propellant_kg": _amount(FASTEST, "kg", "propellant left in the tank", optional=True),
@@ -201,6 +205,25 @@ def dataset(
         "wheel": list(properties.wheel_labels),
     }
     return xr.Dataset(variables, coordinates, attrs=_attributes(environment, properties))
+
+
+def correlated(covariance: Array) -> tuple[Array, Array]:
+    """Standard deviations and correlations (yz, xz, xy) of covariances (..., 3, 3), shape (..., 3) each."""
+    sigma = np.sqrt(np.maximum(np.einsum("...kk->...k", covariance), 0.0))
+    both = np.einsum("...k,...l->...kl", sigma, sigma)
+    shares = np.divide(covariance, both, out=np.zeros_like(covariance), where=both > 0.0)
+    return sigma, np.stack((shares[..., 1, 2], shares[..., 0, 2], shares[..., 0, 1]), axis=-1)
+
+
+def position_covariance(telemetry: xr.Dataset) -> Array:
+    """Covariance in N of the positions that navigation by pictures knows [m^2], shape (t, n, 3, 3)."""
+    sigma, shares = (telemetry[name].values for name in ("r_BN_N_sigma", "r_BN_N_correlation"))
+    yz, xz, xy = np.moveaxis(shares, -1, 0)
+    one = np.ones_like(xy)
+    rows = ((one, xy, xz), (xy, one, yz), (xz, yz, one))
+    correlation = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    found: Array = correlation * np.einsum("...k,...l->...kl", sigma, sigma)
+    return found
 
 
 def working(telemetry: xr.Dataset) -> Mask:
