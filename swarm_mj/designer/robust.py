@@ -591,9 +591,11 @@ def fly_realisations(
 ) -> Iterator[Realisation]:
     """Fly candidates together as the scenario disperses them, but for its losses: a realisation of each seed.
 
-    The spacecraft do not matter to each other, but where the mothership's velocity is the mean of all.
+    The spacecraft do not matter to each other, but where the mothership's velocity is the mean of all. With
+    `navigation.mode: optical` and no corrections no pictures are taken for navigation: what is known is drawn from what linear
+    covariance says of pictures along the planned paths.
     """
-    losses, plan = losses_of(scenario), None
+    losses, plan, known, navigator = losses_of(scenario), None, None, None
     changes = {
         "design.visiting_points": [c.point for c in candidates],
         "design.observers": observers_of(scenario, candidates),
@@ -607,7 +609,12 @@ def fly_realisations(
         if plan is None or asked.dispersions.target_m > 0.0:  # the target's true place is drawn with the plan
             plan = make_plan(flown, check_separation=False)
         plan = replace(plan, scenario=flown)
-        seen = observe_flight(plan, simulate(plan)).coverage
+        if flown.navigation.mode == "optical" and not flown.trajectory.corrections:
+            from swarm_mj.flight.optical_covariance import DrawnKnowledge, known_at_arrivals
+
+            known = known_at_arrivals(plan) if known is None else known
+            navigator = DrawnKnowledge(known, plan.deployment.arrival_s, seed)
+        seen = observe_flight(plan, simulate(plan, navigator=navigator)).coverage
         yield realise(
             seen.first_seen_by_s[: len(candidates)], seen.area, losses, np.random.default_rng([seed, _LOSSES])
         )

@@ -27,7 +27,7 @@ from swarm_mj.scenarios.schema_sensors import IDEAL
 from swarm_mj.simulator.faults.dispersions import attitude_turns, extra_rates, mothership_error, velocity_errors
 from swarm_mj.simulator.faults.schedule import FaultModel, deployed_velocities, draw_schedule
 from swarm_mj.simulator.flight_setup import FlightSetup
-from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.simulator.simulation import Navigator, Simulation
 from swarm_mj.simulator.state import InitialState, Release
 from swarm_mj.simulator.telemetry import VARIABLES, dataset, working
 from swarm_mj.spacecraft.attitude.mrp import add_mrp, dcm, mrp_from_quaternion
@@ -122,7 +122,7 @@ def fault_model_from(scenario: Scenario) -> FaultModel | None:
     )
 
 
-def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
+def make_simulation(plan: Plan, *, geometry: bool = False, navigator: Navigator | None = None) -> Simulation:
     """The simulation of a plan, at its start.
 
     Args:
@@ -130,11 +130,11 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
         geometry: Whether the model holds shapes, cameras and light as well, for MuJoCo's own viewers and renderer; flying needs
             none of them, and the pictures of swarm_mj are drawn from a model of their own. A spacecraft from a file keeps
             all of it in any case.
+        navigator: Who tells where the spacecraft are; None: as `navigation.mode` says.
     """
     scenario, model = plan.scenario, model_of(plan, geometry=geometry)
     behavior = plan.behavior.for_flight(plan) if isinstance(plan.behavior, MissionBehavior) else plan.behavior
-    navigator = None
-    if scenario.navigation.mode == "optical":
+    if scenario.navigation.mode == "optical" and navigator is None:
         from swarm_mj.flight.optical import OpticalNavigator
 
         behavior, navigator = BodyOnApproach(behavior, plan.n_observers), OpticalNavigator(plan)
@@ -193,14 +193,14 @@ def model_of(plan: Plan, *, geometry: bool = False) -> SwarmModel:
     )
 
 
-def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
-    """Fly the plan; returns telemetry with radio links.
+def simulate(plan: Plan, progress: Progress | None = None, navigator: Navigator | None = None) -> xr.Dataset:
+    """Fly the plan; returns telemetry with radio links; `navigator` as in `make_simulation`.
 
     Raises:
         SimulationError: The flight diverged.
     """
     scenario = plan.scenario
-    simulation = make_simulation(plan)
+    simulation = make_simulation(plan, navigator=navigator)
     record = simulation.run(scenario.duration_s, scenario.telemetry.interval_s, progress)
     aiming = simulation.setup.aiming
     telemetry = dataset(record, plan.names, plan.environment, plan.properties, aiming)

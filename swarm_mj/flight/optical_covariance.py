@@ -7,7 +7,10 @@ correction burns gain (x + e). Both, and how they go together, are carried to th
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.optical import OpticalNavigator, first_sigmas
@@ -19,7 +22,13 @@ from swarm_mj.navigation.filter import SwarmFilter
 from swarm_mj.navigation.picture import Fix
 from swarm_mj.observation.camera import look_at
 from swarm_mj.observation.capture import Picture
+from swarm_mj.simulator.faults.dispersions import Stream, stream
+from swarm_mj.simulator.flights import NEVER
+from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.typing import Array
+
+#: Spacecraft whose knowledge is worked out for designs, at most.
+WORKED_OUT = 6
 
 
 def analyse_optical(plan: Plan, progress: Progress | None = None) -> CorrectionAnalysis:
@@ -85,6 +94,78 @@ def analyse_optical(plan: Plan, progress: Progress | None = None) -> CorrectionA
         known=known,
         pictures=tuple(pictures),
     )
+
+
+def known_at_arrivals(plan: Plan) -> Array:
+    """Covariance of what pictures let each spacecraft know of its state at its arrival, shape (n, 6, 6) [m, m/s].
+
+    It is worked out for some of them that arrive far apart; the others know as much as the nearest of those, along the same
+    axes: the direction from the body, the normal of the passage, and what is across both.
+    """
+    deployment, navigator = plan.deployment, OpticalNavigator(plan)
+    r_N = deployment.destination_N
+    v_N = r_N - deployment.release_r_N
+    chosen = [0]
+    while len(chosen) < min(WORKED_OUT, plan.n_observers):
+        apart = np.linalg.norm(r_N[: plan.n_observers, None] - r_N[chosen], axis=2).min(axis=1)
+        chosen.append(int(apart.argmax()))
+    known = []
+    for j in chosen:
+        first = deployment.release_r_N[j : j + 1], deployment.v0_N[j : j + 1]
+        sigma = first_sigmas(plan.scenario.navigation.optical, *first)
+        along = _Along(navigator, navigator.filter_at(float(deployment.release_s[j]), np.hstack(first), sigma), j)
+        along.fly(float(deployment.arrival_s[j]))
+        axes = np.kron(np.eye(2), _passage_axes(r_N[j], v_N[j]))
+        known.append(axes @ along.filter.covariance(0) @ axes.T)
+    found = np.empty((plan.n, 6, 6))
+    for j in range(plan.n):
+        axes = np.kron(np.eye(2), _passage_axes(r_N[j], v_N[j]))
+        found[j] = axes.T @ known[int(np.linalg.norm(r_N[chosen] - r_N[j], axis=1).argmin())] @ axes
+    return found
+
+
+def _passage_axes(r: Array, v: Array) -> Array:
+    """Direction from the body, what is across that and the normal, and the normal of a passage, rows, shape (3, 3)."""
+    away, normal = r / np.linalg.norm(r), np.cross(r, v)
+    normal /= np.linalg.norm(normal)
+    return np.array([away, np.cross(normal, away), normal])
+
+
+class DrawnKnowledge:
+    """Navigates without pictures: what is known errs by one draw from a covariance; see `simulator.simulation.Navigator`.
+
+    Errors of position grow and shrink with those of velocity, so that they are as drawn at the arrivals.
+
+    Args:
+        covariance: Of what each knows at its arrival, shape (n, 6, 6) [m, m/s].
+        arrival_s: When that is, shape (n,) [s].
+        seed: Of the draws.
+    """
+
+    def __init__(self, covariance: Array, arrival_s: Array, seed: int) -> None:
+        self.due, self._arrival_s = 0, arrival_s
+        drawn = np.array([stream(seed, Stream.FIRST_KNOWLEDGE, j).standard_normal(6) for j in range(len(covariance))])
+        values, vectors = np.linalg.eigh(covariance)
+        self._off = np.einsum("nkl,nl->nk", vectors * np.sqrt(np.maximum(values, 0.0))[:, None], drawn)
+
+    def reset(self, simulation: Simulation) -> None:
+        """Begin a flight."""
+        self.look(simulation)
+
+    def look(self, simulation: Simulation) -> None:
+        """Write what is known."""
+        flights, t = simulation.state.flights, simulation.time
+        flights.off_v_N[0] = self._off[:, 3:]
+        flights.off_r_N[0] = self._off[:, :3] + (t - self._arrival_s)[:, None] * self._off[:, 3:]
+        flights.guessed_at[0], flights.guessing[0], self.due = t, True, NEVER
+
+    def sampled(self, simulation: Simulation) -> dict[str, NDArray[Any]]:
+        """Nothing."""
+        return {}
+
+    def record(self) -> list[dict[str, Any]]:
+        """Nothing."""
+        return []
 
 
 class _Along:

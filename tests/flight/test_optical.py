@@ -7,7 +7,9 @@ import pytest
 
 import swarm_mj as sm
 from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.optical import first_sigmas
+from swarm_mj.flight.optical_covariance import DrawnKnowledge, known_at_arrivals
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.records.summary_schema import RunSummary
 from swarm_mj.scenarios.loading import load_scenario
@@ -110,6 +112,27 @@ def test_corrections_burn_by_what_is_known():
     assert 1e-3 * max(miss[f"sc{j}"] for j in (1, 2, 3)) < 1.5 * expected[["sc1", "sc2", "sc3"]].max()
     assert found.summary["known_3_sigma_m"]["sc1"] < 5.0
     assert any("pictures on the way" in words for words in found.findings)
+
+
+def test_designs_allow_for_what_pictures_will_tell(flight):
+    """The covariance at the arrivals against the errors of a flight by pictures; and draws of it against itself."""
+    plan, n = flight.plan, flight.plan.n_observers
+    known = known_at_arrivals(plan)
+    arrival_s, times = plan.deployment.arrival_s, flight.telemetry["time"].values
+    assert np.allclose(arrival_s, times[-1])
+    off = (flight.telemetry["r_BN_N_estimate"] - flight.telemetry["r_BN_N"]).values[-1, :n]
+    size = np.einsum("nk,nk->n", off, np.linalg.solve(known[:n, :3, :3], off[..., None])[..., 0])
+    assert 0.3 < size.sum() < 30.0  # chi-square of nine
+    simulation = make_simulation(plan, navigator=DrawnKnowledge(known, arrival_s, 0))
+    drawn = []
+    for seed in range(600):
+        DrawnKnowledge(known, arrival_s, seed).reset(simulation)
+        drawn.append(simulation.state.known()[0][0] - simulation.state.r_N[0])
+    # At the epoch velocities have grown for as long as it is to the arrival.
+    back = np.hstack((np.eye(3), -arrival_s[0] * np.eye(3)))
+    expected = back @ known[0] @ back.T
+    share = np.linalg.eigvals(np.linalg.solve(expected, np.cov(np.array(drawn).T))).real
+    assert 0.75 < share.min() and share.max() < 1.3
 
 
 def test_what_is_known_at_first_goes_with_the_distance():
