@@ -35,6 +35,8 @@ CUBIC = 0.75
 ALIKE_PX = 9.0
 #: A landmark is left out if it lies so many deviations, estimated robustly, from where the others put it.
 OUTLIER = 4.0
+#: How many components of landmarks weigh as much as what their patches say of their errors, beside how they scatter.
+SCATTER_DOF = 2.0
 #: Rounds of prediction.
 ROUNDS = 3
 #: Least relief of a place over that of the best.
@@ -268,9 +270,14 @@ def _position(seen: SeenPicture, found: Found, floor_px: float) -> tuple[Array, 
         if kept.all():
             if len(chosen) < SHARE * len(found.shift) or float(np.median(np.linalg.norm(left, axis=1))) > AGREE_PX:
                 return Rejected("landmarks", "the landmarks contradict each other")
-            # Landmarks that scatter more than they say are believed less.
-            more = max(float((size**2).sum()) * 2.0 / (2 * len(chosen) - 3), 1.0)
-            return dr, more * 0.5 * (P + P.T), len(chosen)
+            # Landmarks are believed as they scatter, but for what does not show in their scatter.
+            ratio = (SCATTER_DOF + 2.0 * float((size**2).sum())) / (SCATTER_DOF + 2 * len(chosen) - 3)
+            if ratio > 1.0:
+                return dr, ratio * 0.5 * (P + P.T), len(chosen)
+            each = ratio * found.covariance[chosen] + floor_px**2 * np.eye(2)
+            K = P @ np.einsum("nki,nkl->inl", A, weight).reshape(3, -1)
+            spread = np.einsum("inl,nlm,jnm->ij", *(K.reshape(3, -1, 2), each, K.reshape(3, -1, 2)))
+            return dr, 0.5 * (spread + spread.T), len(chosen)
         chosen = chosen[kept]
     return Rejected("landmarks", "no landmarks agree")
 
