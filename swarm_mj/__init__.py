@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from swarm_mj.api.checks import score, validate
     from swarm_mj.api.design import Design, Sweeps, design, design_sweeps
     from swarm_mj.api.flight import Flight, fly
+    from swarm_mj.api.ideas import Studied, compare_studies, open_study, rerun_study, studies, study
     from swarm_mj.api.navigate import Navigation, navigate
     from swarm_mj.api.observe import Observation, observe
     from swarm_mj.api.results import open, open_design, report
@@ -42,12 +43,14 @@ __all__ = [
     "Navigation",
     "Observation",
     "Scenario",
+    "Studied",
     "Sweeps",
     "SwarmError",
     "available",
     "build_shape",
     "campaign",
     "compare_classes",
+    "compare_studies",
     "design",
     "design_sweeps",
     "explain",
@@ -59,12 +62,16 @@ __all__ = [
     "observe",
     "open",
     "open_design",
+    "open_study",
     "packaged",
     "replay",
     "report",
+    "rerun_study",
     "save_shape",
     "score",
     "simulation",
+    "studies",
+    "study",
     "validate",
     "view",
 ]
@@ -77,6 +84,7 @@ _HOMES = {
         "api.checks": ("score", "validate"),
         "api.design": ("Design", "Sweeps", "design", "design_sweeps"),
         "api.flight": ("Flight", "fly"),
+        "api.ideas": ("Studied", "compare_studies", "open_study", "rerun_study", "studies", "study"),
         "api.navigate": ("Navigation", "navigate"),
         "api.observe": ("Observation", "observe"),
         "api.results": ("open", "open_design", "report"),

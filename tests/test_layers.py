@@ -31,6 +31,7 @@ ORDER = (
     ("products",),
     ("rendering",),
     ("campaigns",),
+    ("ideas",),
     ("envs",),
     ("verification",),
     ("api",),

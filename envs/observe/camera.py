@@ -2,49 +2,43 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from swarm_mj.typing import Pixels
+from swarm_mj.smallbody.environment import LinearMotion
+from swarm_mj.typing import Mask, Pixels
 
-from ..pixels import IMAGE_SPACE, BodyPictures, Poses
-
-if TYPE_CHECKING:
-    from .episodes import Episodes
+from ..pixels import BodyPictures, Poses
+from .config import EnvConfig
+from .mission import Mission
 
 
 class SwarmCameras:
-    """The cameras of all episodes.
+    """The cameras of the swarms of episodes.
 
     Args:
-        episodes: Which.
+        config: The environment's arguments.
     """
 
-    def __init__(self, episodes: Episodes) -> None:
-        self._episodes = episodes
+    def __init__(self, config: EnvConfig) -> None:
+        self._config = config
         self._bodies: dict[int, BodyPictures] = {}
 
-    def images(self) -> Pixels:
-        """What they see now, see `SwarmObserveEnv`, shape (E, n, 3, 64, 64); nothing in episodes that have not begun."""
-        episodes = self._episodes
-        out = np.zeros((episodes.count, episodes.n, *IMAGE_SPACE.shape), np.uint8)
-        for e in range(episodes.count):
-            if episodes.draws[e] is not None:
-                out[e] = self._images_of(e)
-        return out
+    def look(self, number: int, mission: Mission, sun: LinearMotion, poses: Poses, seen: Mask) -> Pixels:
+        """What the cameras of one episode see, see `SwarmObserveEnv`, shape (n, 3, 64, 64).
 
-    def _images_of(self, e: int) -> Pixels:
-        episodes, number = self._episodes, int(self._episodes.mission[e])
-        mission = episodes.mission_of(e)
-        region, config, n = mission.plan.region, episodes.config, episodes.n
+        Args:
+            number: Of the mission.
+            mission: It itself.
+            sun: Where the Sun is.
+            poses: Of the n spacecraft.
+            seen: Cells of the target that have been seen, shape (n_cells,).
+        """
+        region, config = mission.plan.region, self._config
         if number not in self._bodies:
             angle = config.camera_half_angle_deg or mission.plan.scenario.camera.half_angle_deg
             self._bodies[number] = BodyPictures(mission.plan, angle, config.light, mesh=region.mesh)
         body = self._bodies[number]
-        body.sun = episodes.sun_of(e)
-        now = episodes.now if episodes.flights.finite[e] else episodes.before
-        poses = Poses(now.r[e], now.q[e], np.tile(now.C_AN[e], (n, 1, 1)), np.full(n, now.t[e]))
+        body.sun = sun
         marked = np.zeros((1, len(region.mesh.faces)), np.bool_)
-        marked[0, region.target] = episodes.totals.seen[e, : region.n_cells]
+        marked[0, region.target] = seen
         return body.images(body.draw(poses, marked))

@@ -16,7 +16,7 @@ from swarm_mj.typing import Array32, Mask, Pixels
 
 from ..arguments import checked_count, refuse_more_than_fit
 from ..batch_env import StepOutcome
-from ..pixels import IMAGE_SPACE
+from ..pixels import IMAGE_SPACE, Poses
 from .camera import SwarmCameras
 from .config import EnvConfig, MissionPool
 from .draws import EpisodeDraw
@@ -65,7 +65,7 @@ class Episodes(EpisodeState):
         )
         self.interface = make_interface(n, config.patches, config.candidates)
         self.draws: list[EpisodeDraw | None] = [None] * count
-        self._cameras = SwarmCameras(self)
+        self._cameras = SwarmCameras(config)
         self._numbers: dict[int, int] = {}
         thread = np.array([self.flights.thread_of(e) for e in range(count)])
         self._parts: list[Mask] = [thread == k for k in range(used)]
@@ -299,8 +299,16 @@ class Episodes(EpisodeState):
         return self.flat() if self.config.observation == "flat" else self.shown()
 
     def images(self) -> Pixels:
-        """What the cameras see, shape (E, n, 3, 64, 64)."""
-        return self._cameras.images()
+        """What the cameras see, shape (E, n, 3, 64, 64); nothing in episodes that have not begun."""
+        out = np.zeros((self.count, self.n, *IMAGE_SPACE.shape), np.uint8)
+        for e, draw in enumerate(self.draws):
+            if draw is None:
+                continue
+            mission, now = self.mission_of(e), self.now if self.flights.finite[e] else self.before
+            poses = Poses(now.r[e], now.q[e], np.tile(now.C_AN[e], (self.n, 1, 1)), np.full(self.n, now.t[e]))
+            seen = self.totals.seen[e, : mission.plan.region.n_cells]
+            out[e] = self._cameras.look(int(self.mission[e]), mission, self.sun_of(e), poses, seen)
+        return out
 
     def shown(self) -> dict[str, NDArray[Any]]:
         """What agents are shown of all episodes by name, copies."""

@@ -91,14 +91,14 @@ def _report(status: int, words: str) -> int:
 def _parser() -> argparse.ArgumentParser:
     import argparse
 
-    from swarm_mj.cli import campaign, checks, fly, names, observe, results, shape
+    from swarm_mj.cli import campaign, checks, fly, ideas, names, observe, results, shape
 
     parser = argparse.ArgumentParser(
         prog="swarm-mj", description="Fly CubeSat swarms past small bodies and measure what their cameras see."
     )
     parser.add_argument("--version", action="version", version=f"swarm-mj {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for module in (fly, campaign, results, observe, checks, names, shape):
+    for module in (fly, campaign, ideas, results, observe, checks, names, shape):
         module.add(commands)
     return parser
 

@@ -14,7 +14,7 @@ def test_every_public_name_is_there_and_documented():
 
 
 def test_an_unknown_name_is_told_what_there_is():
-    offered = "campaign, compare_classes, design, design_sweeps, explain, fly"
+    offered = "campaign, compare_classes, compare_studies, design, design_sweeps, explain, fly"
     with pytest.raises(AttributeError, match=f"it offers .*{offered}, .*load"):
         _ = sm.flly
 

@@ -1,0 +1,186 @@
+"""From a requirement to a swarm, and what was studied before."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from swarm_mj.errors import OutputError
+from swarm_mj.ideas.knowledge import Kept, KnowledgeBase, differences, rerun, scenario_text
+from swarm_mj.ideas.knowledge import study as carry
+from swarm_mj.ideas.requirement import load_requirement
+from swarm_mj.io.atomic import write_text
+from swarm_mj.io.progress import Stages, using_bars
+
+if TYPE_CHECKING:
+    from swarm_mj.io.progress import Shown
+
+#: Where studies are kept unless said otherwise.
+BASE = Path("results") / "ideas.sqlite"
+
+
+@dataclass(frozen=True, eq=False)
+class Studied:
+    """A requirement and what it came to.
+
+    Attributes:
+        kept: The study as the knowledge base has it.
+    """
+
+    kept: Kept
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """All results, as plain data."""
+        return self.kept.record
+
+    @property
+    def closed(self) -> bool:
+        """Whether a swarm was found and flew what was asked."""
+        return bool(self.record["closed"])
+
+    @property
+    def parts(self) -> pd.DataFrame:
+        """The spacecraft's budgets: number, mass [kg], volume [U], power [W] and source of each part, without margins."""
+        sized = self.record["spacecraft"]
+        return pd.DataFrame([] if sized is None else sized["parts"])
+
+    @property
+    def checks(self) -> pd.DataFrame:
+        """Requirement by requirement: what was asked, what was reached, by what evidence."""
+        return pd.DataFrame(self.record["checks"])
+
+    @property
+    def tried(self) -> pd.DataFrame:
+        """Kinds of spacecraft and what became of each."""
+        return pd.DataFrame(self.record["tried"])
+
+    @property
+    def sentences(self) -> list[str]:
+        """What it came to, one sentence each."""
+        record, name = self.record, self.kept.name
+        if record["spacecraft"] is None:
+            return [f"{name}: cannot be met: {record['forbids']}"]
+        sized = record["spacecraft"]
+        met = "meet it, as flown" if self.closed else "do not meet it, as flown"
+        words = [
+            f"{name}: {record['observers']} of {sized['kind']}, {sized['mass_kg']:.3g} kg each, {met}; the lightest "
+            f"swarm among {len(record['tried'])} kinds of spacecraft. Not covered: losses, launch, cruise, cost, radiation, "
+            "and heat but for a bound; component numbers are those of classes"
+        ]
+        words += [
+            f"{name}: {c['requirement']}: {c['reached']:.4g} {c['unit']}, asked were {c['asked']:.4g}"
+            for c in record["checks"]
+            if not c["met"]
+        ]
+        return words
+
+    def save(self, folder: str | Path) -> Path:
+        """Write `study.json` and, where there is a swarm, `scenario.yaml` that flies it, into a folder.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        place = Path(folder)
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(f"{place}: cannot be made: {error}") from None
+        told = {
+            "id": self.kept.id,
+            "version": self.kept.version,
+            "requirement": self.kept.requirement.model_dump(mode="json"),
+        }
+        write_text(place / "study.json", json.dumps({**told, **self.record}, indent=1) + "\n")
+        if self.record["scenario"] is not None:
+            write_text(place / "scenario.yaml", scenario_text(self.kept))
+        return place
+
+
+def study(
+    requirement: str | Path | dict[str, Any],
+    *,
+    base: str | Path = BASE,
+    out: str | Path | None = None,
+    progress: Shown = None,
+) -> Studied:
+    """Carry a requirement through the chain: spacecraft, swarm, flight; and keep what comes out.
+
+    Args:
+        requirement: A YAML file, or its values; see `swarm_mj.ideas.requirement.Requirement`.
+        base: File of the knowledge base; a study that is like this one says which kind of spacecraft is tried first.
+        out: Folder for the results; None: they are in the knowledge base alone.
+        progress: Whether to say what is done, or the bars to use; None: on a terminal.
+
+    Raises:
+        ScenarioError: The requirement or its scenario is not allowed.
+        OutputError: The results cannot be kept.
+    """
+    asked, place = load_requirement(requirement), KnowledgeBase(base)
+    with using_bars(progress) as bars:
+        _, kept = carry(asked, place, Stages(asked.name, bars).say)
+    found = Studied(kept)
+    if out is not None:
+        found.save(out)
+    return found
+
+
+def studies(base: str | Path = BASE) -> pd.DataFrame:
+    """The studies of a knowledge base, the oldest first."""
+    rows = [
+        {
+            "id": one.id,
+            "name": one.name,
+            "made": one.made,
+            "version": one.version,
+            "closed": one.record["closed"],
+            "observers": one.record["observers"],
+            "swarm_kg": one.record["swarm_kg"],
+            "began_with": one.took,
+            "wall_s": one.wall_s,
+        }
+        for one in KnowledgeBase(base).kept()
+    ]
+    return pd.DataFrame(
+        rows, columns=["id", "name", "made", "version", "closed", "observers", "swarm_kg", "began_with", "wall_s"]
+    )
+
+
+def open_study(name: str, base: str | Path = BASE) -> Studied:
+    """A study by its id, the beginning of it, or its name.
+
+    Raises:
+        OutputError: There is none.
+    """
+    return Studied(KnowledgeBase(base).find(name))
+
+
+def compare_studies(one: str, other: str, base: str | Path = BASE) -> pd.DataFrame:
+    """Where two studies differ, in what was asked and what came out.
+
+    Raises:
+        OutputError: There is none of such a name.
+    """
+    place = KnowledgeBase(base)
+    first, second = place.find(one), place.find(other)
+    return pd.DataFrame(differences(_whole(first), _whole(second)), columns=["key", first.id, second.id])
+
+
+def _whole(kept: Kept) -> dict[str, Any]:
+    """What was asked and what came out."""
+    return {"requirement": kept.requirement.model_dump(mode="json"), **kept.record}
+
+
+def rerun_study(name: str, base: str | Path = BASE, *, progress: Shown = None) -> pd.DataFrame:
+    """Run a kept study anew, without what others found; where the results differ from those that are kept.
+
+    Raises:
+        OutputError: There is none of such a name.
+    """
+    with using_bars(progress) as bars:
+        kept, found = rerun(KnowledgeBase(base), name, Stages(name, bars).say)
+    return pd.DataFrame(found, columns=["key", f"kept ({kept.version})", "now"])

@@ -1,0 +1,94 @@
+"""The command `ideas`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from swarm_mj.cli.common import add_command, add_quiet, bars_for, show_table, tell
+from swarm_mj.errors import SwarmError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from rich.table import Table
+
+#: What is done with kept studies, and how many of them it takes.
+VERBS = {"list": 0, "show": 1, "compare": 2, "rerun": 1}
+#: Differences that are shown at once.
+MOST_ROWS = 40
+
+
+def add(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    ideas = add_command(
+        commands,
+        "ideas",
+        _ideas,
+        "size spacecraft and design a swarm from a requirement; look up kept studies",
+        "Carry a requirement through spacecraft designer, swarm designer and flight, or prove what forbids it; every study is "
+        "kept. Exit status 1 where the requirement is not met, or a rerun differs.",
+    )
+    ideas.add_argument(
+        "what", metavar="WHAT", help="YAML file of a requirement; or list, show STUDY, compare STUDY STUDY, rerun STUDY"
+    )
+    ideas.add_argument("study", nargs="*", metavar="STUDY", help="id of a kept study, the beginning of it, or its name")
+    ideas.add_argument("--base", type=Path, metavar="FILE", help="the knowledge base (default: results/ideas.sqlite)")
+    ideas.add_argument(
+        "--out", type=Path, metavar="DIR", help="write study.json, and scenario.yaml that flies the swarm"
+    )
+    add_quiet(ideas)
+
+
+def _ideas(arguments: argparse.Namespace) -> int:
+    from swarm_mj.api import ideas
+
+    verb, names = arguments.what, arguments.study
+    base = ideas.BASE if arguments.base is None else arguments.base
+    if (count := VERBS.get(verb, 0)) != len(names):
+        raise SwarmError(f"ideas {verb}: takes {count} studies, not {len(names)}")
+    if arguments.out is not None and verb in ("list", "compare", "rerun"):
+        raise SwarmError(f"ideas {verb}: writes nothing; leave --out out")
+    with bars_for(arguments) as bars:
+        if verb == "list":
+            return _show(bars.console, f"Studies in {base}", ideas.studies(base))
+        if verb == "compare":
+            found = ideas.compare_studies(names[0], names[1], base)
+            return _show(bars.console, f"{names[0]} and {names[1]}", found)
+        if verb == "rerun":
+            found = ideas.rerun_study(names[0], base, progress=bars)
+            if len(found):
+                _show(bars.console, f"{names[0]}: what changed", found)
+            else:
+                tell(bars.console, f"{names[0]}: the same to the last bit")
+            return int(len(found) > 0)
+        one = ideas.open_study(names[0], base) if verb == "show" else ideas.study(verb, base=base, progress=bars)
+        if one.record["spacecraft"] is not None:
+            parts = one.parts[["name", "number", "mass_kg", "volume_u", "power_w", "source"]]
+            _show(bars.console, f"{one.kept.name}: {one.record['spacecraft']['kind']}, without margins", parts)
+            _show(bars.console, "Requirement by requirement", one.checks)
+        lines = [*one.sentences, f"{one.kept.name}: kept as {one.kept.id} in {base}"]
+        if arguments.out is not None:
+            lines.append(f"{one.kept.name}: files in {one.save(arguments.out)}")
+        tell(bars.console, *lines)
+        return int(not one.closed)
+
+
+def _show(console: Any, title: str, rows: pd.DataFrame) -> int:
+    """Print a table of rows, the first of many."""
+    show_table(console, _table(title, rows.head(MOST_ROWS)))
+    if len(rows) > MOST_ROWS:
+        tell(console, f"and {len(rows) - MOST_ROWS} more")
+    return 0
+
+
+def _table(title: str, rows: pd.DataFrame) -> Table:
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=escape(title), title_justify="left")
+    for name in rows.columns:
+        table.add_column(escape(str(name)), overflow="fold")
+    for _, row in rows.astype(object).iterrows():
+        table.add_row(*(escape(f"{value:.5g}" if isinstance(value, float) else str(value)) for value in row))
+    return table

@@ -1,0 +1,208 @@
+"""Components of CubeSats: what they weigh, take up, draw and do.
+
+Numbers are those commonly quoted for the class that each entry names, most of them from data sheets; they were not compared
+with the sheets one by one. Masses are without margin.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+Units = Literal[1, 3, 6, 12]
+
+
+class Size(NamedTuple):
+    """A size of the CubeSat standard (CDS, revision 14.1).
+
+    Attributes:
+        units: Nominal volumes of a litre.
+        size_m: Outer size [m].
+        limit_kg: Largest mass by the standard [kg].
+        structure_kg: Primary structure [kg].
+        aperture_m: Largest lens that its smallest face takes beside the rails [m].
+        length_m: Longest optics inside, with room for the rest behind [m].
+        panels: Deployed panels of three unit faces that it can carry, at most.
+    """
+
+    units: int
+    size_m: tuple[float, float, float]
+    limit_kg: float
+    structure_kg: float
+    aperture_m: float
+    length_m: float
+    panels: int
+
+
+#: Masses of structures: class of the ISISPACE CubeSat structures.
+SIZES = {
+    size.units: size
+    for size in (
+        Size(1, (0.1, 0.1, 0.1135), 2.0, 0.1, 0.09, 0.06, 2),
+        Size(3, (0.1, 0.1, 0.3405), 6.0, 0.25, 0.09, 0.2, 6),
+        Size(6, (0.1, 0.2263, 0.366), 12.0, 0.9, 0.09, 0.25, 12),
+        Size(12, (0.2263, 0.2263, 0.366), 24.0, 1.5, 0.19, 0.25, 16),
+    )
+}
+
+
+class Detector(NamedTuple):
+    """A detector with its electronics."""
+
+    name: str
+    pixels: int  #: along a side
+    pitch_m: float  #: [m]
+    read_noise: float  #: electrons rms [-]
+    quantum_efficiency: float  #: [-]
+    mass_kg: float  #: [kg]
+    volume_u: float  #: [U]
+    power_w: float  #: while it takes pictures [W]
+    source: str
+
+
+DETECTORS = (
+    Detector(
+        "1k",
+        1024,
+        10.6e-6,
+        10.0,
+        0.45,
+        0.10,
+        0.10,
+        1.5,
+        "class of the IMPERX B1010 of Hera's CubeSats: 1024 px, 10.6 um",
+    ),
+    Detector("2k", 2048, 5.5e-6, 13.0, 0.5, 0.12, 0.10, 2.0, "class of CMOSIS CMV4000: 2048 px, 5.5 um, 13 e-"),
+    Detector(
+        "4k", 4096, 5.5e-6, 13.0, 0.5, 0.20, 0.15, 4.0, "class of CMOSIS CMV20000, square: 5.5 to 6.4 um, 13 e- or less"
+    ),
+)
+
+
+class WheelSet(NamedTuple):
+    """Wheels of one kind; masses and powers of one."""
+
+    name: str
+    momentum_n_m_s: float
+    torque_n_m: float
+    mass_kg: float
+    volume_u: float
+    power_w: float
+    source: str
+
+
+WHEELS = (
+    WheelSet("RWP015", 0.015, 0.004, 0.13, 0.034, 1.0, "class of the Blue Canyon RWP015: 42 x 42 x 19 mm"),
+    WheelSet("RWP050", 0.050, 0.007, 0.24, 0.09, 1.0, "class of the Blue Canyon RWP050: 58 x 58 x 25 mm"),
+    WheelSet("RWP100", 0.100, 0.007, 0.33, 0.13, 1.0, "class of the Blue Canyon RWP100: 70 x 70 x 25 mm"),
+    WheelSet("RWP500", 0.500, 0.025, 0.75, 0.45, 3.0, "class of the Blue Canyon RWP500: 110 x 110 x 38 mm"),
+)
+
+
+class EarthLink(NamedTuple):
+    """A deep-space transponder with an antenna; `radio` is its name in `dataflow.radios`."""
+
+    radio: str
+    mass_kg: float
+    volume_u: float
+    transmits_w: float  #: [W]
+    listens_w: float  #: [W]
+    least_units: int  #: smallest spacecraft that carries the antenna [U]
+    source: str
+
+
+_IRIS = "class of JPL's Iris 2.1: 1.2 kg, 0.56 U, 35 W sending, 12.6 W hearing"
+EARTH_LINKS = (
+    EarthLink("iris_patch", 1.25, 0.6, 35.0, 12.6, 3, f"{_IRIS}; a patch"),
+    EarthLink("iris_patch_array", 1.6, 0.8, 35.0, 12.6, 6, f"{_IRIS}; a face of patches"),
+    EarthLink("iris_reflectarray", 2.2, 0.9, 35.0, 12.6, 6, f"{_IRIS}; MarCO's reflectarray, some 1 kg"),
+    EarthLink("dish_30cm", 2.0, 1.6, 35.0, 12.6, 6, f"{_IRIS}; a deployed dish, class of KaPDA"),
+)
+
+
+class Propulsion(NamedTuple):
+    """Thrusters with tank and feed."""
+
+    name: str
+    specific_impulse_s: float
+    thrust_n: float
+    dry_kg: float  #: without propellant and without what a tank grows by with it [kg]
+    tank_share: float  #: of the propellant's mass that the tank adds [-]
+    density: float  #: of the propellant [kg/U]
+    volume_u: float  #: without propellant [U]
+    power_w: float
+    source: str
+
+
+PROPULSION = (
+    Propulsion(
+        "cold gas, isobutane",
+        65.0,
+        0.055,
+        0.35,
+        0.3,
+        0.55,
+        0.25,
+        2.0,
+        "class of VACCO's MEPSI system; schema_propulsion.py",
+    ),
+    Propulsion(
+        "cold gas, R236fa",
+        40.0,
+        0.025,
+        1.2,
+        0.2,
+        1.36,
+        0.8,
+        10.0,
+        "class of MarCO's by VACCO: 3.5 kg with 1.9 kg of gas",
+    ),
+    Propulsion("ADN monopropellant", 200.0, 0.1, 1.1, 0.25, 1.24, 0.7, 10.0, "class of ECAPS 100 mN with LMP-103S"),
+    Propulsion(
+        "iodine ion",
+        2200.0,
+        0.001,
+        1.0,
+        0.1,
+        4.9,
+        1.2,
+        60.0,
+        "class of ThrustMe NPT30-I2: 1.2 kg, 35 to 65 W, up to 2,400 s",
+    ),
+)
+
+
+class Part(NamedTuple):
+    """Anything else; masses and powers of one."""
+
+    name: str
+    mass_kg: float
+    volume_u: float
+    power_w: float
+    source: str
+
+
+#: What every spacecraft has.
+BUS = (
+    Part("computer", 0.10, 0.10, 1.0, "class of GomSpace NanoMind A3200 on its board"),
+    Part("power unit", 0.10, 0.12, 0.3, "class of GomSpace NanoPower P31u"),
+    Part(
+        "star tracker and gyro",
+        0.15,
+        0.08,
+        1.2,
+        "class of Hyperion ST200 (42 g, 0.65 W) with a MEMS gyro and Sun sensors",
+    ),
+    Part(
+        "crosslink radio",
+        0.13,
+        0.08,
+        0.5,
+        "class of GomSpace NanoCom AX100 (25 g) with a deployed antenna; 3 W while sending",
+    ),
+)
+#: Power that the crosslink radio draws besides, while it sends [W].
+CROSSLINK_SENDS_W = 3.0
+BATTERY_WH, BATTERY = 38.5, Part("battery", 0.26, 0.19, 0.0, "class of GomSpace NanoPower BP4: four cells, 38.5 Wh")
+#: A deployed panel of three unit faces: seven triple-junction cells of 30.2 cm^2 and 29.5 %, 8.5 W at 1 au.
+PANEL_CELLS_M2, PANEL_EFFICIENCY = 7 * 30.18e-4, 0.295
+PANEL = Part("panel", 0.20, 0.02, 0.0, "class of deployed 3U panels, hinge included")

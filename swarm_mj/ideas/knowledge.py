@@ -1,0 +1,212 @@
+"""The knowledge base: every study with its inputs, version and results, in one SQLite file.
+
+A study stands under the digest of what it was asked and of the version that answered. Writing is one transaction: two processes
+may write at once, and what is killed leaves either all of a study or nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+
+from swarm_mj import __version__
+from swarm_mj.errors import OutputError
+from swarm_mj.ideas.chain import Said, Study, run_study
+from swarm_mj.ideas.requirement import Requirement
+from swarm_mj.ideas.spacecraft import closeness
+from swarm_mj.scenarios.loading import load_scenario
+
+#: How unlike a study that another one begins with may be: the logarithm of the largest ratio of what is asked.
+NEAR = np.log(2.0)
+#: How long a writer waits for another one [s].
+PATIENCE_S = 60.0
+_TABLE = """CREATE TABLE IF NOT EXISTS studies (
+    id TEXT PRIMARY KEY, name TEXT, made TEXT, version TEXT, requirement TEXT, record TEXT, took TEXT, wall_s REAL)"""
+_COLUMNS = "id, name, made, version, requirement, record, took, wall_s"
+
+
+class Kept(NamedTuple):
+    """A study that is kept.
+
+    Attributes:
+        id: Digest of its inputs and version.
+        name: The requirement's.
+        made: When, UTC.
+        version: Of swarm_mj.
+        requirement: What was asked.
+        record: What came out, see `record_of`.
+        took: Study whose kind of spacecraft was tried first; empty: none.
+        wall_s: How long it took [s].
+    """
+
+    id: str
+    name: str
+    made: str
+    version: str
+    requirement: Requirement
+    record: dict[str, Any]
+    took: str
+    wall_s: float
+
+
+def identity(asked: Requirement) -> str:
+    """Digest of a requirement, the scenario that it names as it stands now, and the version."""
+    scenario = load_scenario(asked.scenario, asked.changes).model_dump(mode="json")
+    words = json.dumps([asked.model_dump(mode="json"), scenario, __version__], sort_keys=True)
+    return hashlib.sha256(words.encode()).hexdigest()[:12]
+
+
+def record_of(study: Study) -> dict[str, Any]:
+    """What a study came to, as plain data that the same inputs give again to the last bit."""
+    one = study.spacecraft
+    sized = None
+    if one is not None:
+        payload = one.payload
+        sized = {
+            "kind": one.name,
+            "mass_kg": one.mass_kg,
+            "volume_u": one.volume_u,
+            "power_w": one.power_w,
+            "panels_give_w": one.available_w,
+            "propellant_kg": one.propellant_kg,
+            "on_earth_after_h": one.send_h,
+            "camera": {
+                "aperture_m": payload.aperture_m,
+                "focal_length_m": payload.focal_m,
+                "pixel_rad": payload.pixel_rad,
+                "half_angle_deg": payload.half_angle_deg,
+                "exposure_s": payload.exposure_s,
+                "signal_to_noise": payload.snr,
+            },
+            "parts": [row._asdict() for row in one.rows],
+        }
+    return {
+        "closed": study.closed,
+        "observers": study.observers,
+        "swarm_kg": study.observers * one.mass_kg if one is not None else None,
+        "spacecraft": sized,
+        "checks": [check._asdict() for check in study.checks],
+        "forbids": study.forbids,
+        "relaxed": list(study.relaxed),
+        "tried": [{**one._asdict(), "short": one.short if np.isfinite(one.short) else None} for one in study.tried],
+        "scenario": None if study.scenario is None else study.scenario.model_dump(mode="json"),
+    }
+
+
+class KnowledgeBase:
+    """Studies in a file.
+
+    Args:
+        path: Of the file, which is made where there is none.
+
+    Raises:
+        OutputError: It cannot be opened, or is no knowledge base.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(f"{self.path}: the knowledge base cannot be made: {error}") from None
+        with self._connected() as connection:
+            connection.execute(_TABLE)
+
+    @contextmanager
+    def _connected(self) -> Iterator[sqlite3.Connection]:
+        """A connection whose changes are one transaction."""
+        try:
+            with closing(sqlite3.connect(self.path, timeout=PATIENCE_S)) as connection, connection:
+                yield connection
+        except sqlite3.Error as error:
+            raise OutputError(f"{self.path}: the knowledge base cannot be used: {error}") from None
+
+    def kept(self) -> list[Kept]:
+        """All studies, the oldest first."""
+        with self._connected() as connection:
+            rows = connection.execute(f"SELECT {_COLUMNS} FROM studies ORDER BY made, id").fetchall()
+        found = []
+        for key, name, made, version, requirement, record, took, wall_s in rows:
+            asked = Requirement.model_validate_json(requirement)
+            found.append(Kept(key, name, made, version, asked, json.loads(record), took, wall_s))
+        return found
+
+    def find(self, name: str) -> Kept:
+        """The study of an id, or its beginning, or a name, of which the latest counts.
+
+        Raises:
+            OutputError: There is none, or ids of several begin so.
+        """
+        kept = self.kept()
+        found = [one for one in kept if one.id.startswith(name)] or [one for one in kept if one.name == name][-1:]
+        if len(found) == 1:
+            return found[0]
+        known = ", ".join(f"{one.id} ({one.name})" for one in kept) or "none"
+        what = "there is no such study" if not found else "several begin so"
+        raise OutputError(f"{name}: {what} in {self.path}; it holds {known}")
+
+    def nearest(self, asked: Requirement) -> Kept | None:
+        """The closed study that is most like a requirement; None: none is alike."""
+        found = [(closeness(asked, one.requirement), one) for one in self.kept() if one.record["closed"]]
+        near = [pair for pair in found if pair[0] <= NEAR]
+        return min(near, key=lambda pair: pair[0])[1] if near else None
+
+    def keep(self, asked: Requirement, record: dict[str, Any], took: str, wall_s: float) -> Kept:
+        """Keep a study, in the place of one of the same inputs."""
+        made = datetime.now(UTC).isoformat(timespec="seconds")
+        one = Kept(identity(asked), asked.name, made, __version__, asked, record, took, wall_s)
+        values = (*one[:4], asked.model_dump_json(), json.dumps(record), took, wall_s)
+        with self._connected() as connection:
+            connection.execute(f"INSERT OR REPLACE INTO studies ({_COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?)", values)
+        return one
+
+
+def study(asked: Requirement, base: KnowledgeBase, say: Said | None = None) -> tuple[Study, Kept]:
+    """Carry a requirement through the chain, beginning with what a study like it found, and keep what comes out.
+
+    Raises:
+        ScenarioError: The scenario cannot be flown.
+        OutputError: The result cannot be kept.
+    """
+    like = base.nearest(asked)
+    first = "" if like is None else like.record["spacecraft"]["kind"]
+    if like is not None and say is not None:
+        say(f"{asked.name}: begins with {first}, of the study {like.id} ({like.name})")
+    found = run_study(asked, first=first, say=say)
+    return found, base.keep(asked, record_of(found), "" if like is None else like.id, found.wall_s)
+
+
+def differences(one: Any, other: Any, key: str = "") -> list[tuple[str, Any, Any]]:
+    """Where two records differ: key, value of the one, value of the other."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        keys = [*one, *(name for name in other if name not in one)]
+        return [
+            row
+            for name in keys
+            for row in differences(one.get(name), other.get(name), f"{key}.{name}" if key else name)
+        ]
+    if isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        pairs = enumerate(zip(one, other, strict=True))
+        return [row for k, (a, b) in pairs for row in differences(a, b, f"{key}.{k}")]
+    return [] if one == other else [(key, one, other)]
+
+
+def rerun(base: KnowledgeBase, name: str, say: Said | None = None) -> tuple[Kept, list[tuple[str, Any, Any]]]:
+    """Run a study anew, without what others found; where it differs from what was kept, which stays as it is."""
+    kept = base.find(name)
+    again = json.loads(json.dumps(record_of(run_study(kept.requirement, say=say))))
+    return kept, differences(kept.record, again)
+
+
+def scenario_text(kept: Kept) -> str:
+    """The scenario that flies a study's swarm, as YAML."""
+    return yaml.safe_dump(kept.record["scenario"], sort_keys=False)

@@ -1,0 +1,124 @@
+"""What a study is asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Self
+
+import yaml
+from pydantic import Field, ValidationError, field_validator, model_validator
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.ideas.components import SIZES
+from swarm_mj.scenarios.explaining import explained, listed
+from swarm_mj.scenarios.section import Section
+
+
+class Limits(Section):
+    """What a swarm may be."""
+
+    units: tuple[int, ...] = Field(
+        (3, 6, 12), min_length=1, description=f"sizes of spacecraft to choose from, of {', '.join(map(str, SIZES))} [U]"
+    )
+    spacecraft: int = Field(20, ge=1, le=1000, description="most observers")
+    spacecraft_kg: float | None = Field(
+        None, gt=0, le=100, description="largest mass of one, margin included [kg]; null: the standard's for its size"
+    )
+    swarm_kg: float | None = Field(None, gt=0, le=1e5, description="largest mass of all observers [kg]; null: any")
+    altitudes_m: tuple[float, ...] = Field(
+        (),
+        max_length=20,
+        description="imaging altitudes to choose from [m]; empty: 1/4, 1/2, 1 and 2 times the scenario's",
+    )
+
+    @field_validator("units")
+    @classmethod
+    def _known(cls, value: tuple[int, ...]) -> tuple[int, ...]:
+        unknown = [units for units in value if units not in SIZES]
+        if unknown:
+            raise ValueError(f"{unknown[0]}: must be among {', '.join(map(str, SIZES))}")
+        return tuple(sorted(set(value)))
+
+    @field_validator("altitudes_m")
+    @classmethod
+    def _above_ground(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        if any(not 0.0 < altitude < 1e12 for altitude in value):
+            raise ValueError(f"{list(value)}: each must be above 0 and below 1e12 m")
+        return value
+
+
+class Margins(Section):
+    """What is kept in hand."""
+
+    mass: float = Field(
+        0.2, ge=0, le=1, description="of all masses [-]; default: system margin of early phases (ECSS, ESA)"
+    )
+    power: float = Field(0.1, ge=0, le=1, description="of all powers [-]; default: of components that exist")
+    volume: float = Field(0.1, ge=0, lt=1, description="share that harness and gaps take [-]; assumed")
+    relief: float = Field(
+        1.4,
+        ge=1,
+        le=10,
+        description="how much finer than asked for a pixel is straight below [-]: slant ranges and slopes coarsen it; assumed",
+    )
+    overlap: float = Field(
+        2.0,
+        ge=1,
+        le=100,
+        description="pictures that are sent over those that the pixels need [-]; assumed: half is overlap",
+    )
+    cells: float = Field(
+        0.8, gt=0, le=1, description="what age, heat and pointing leave of the panels' power [-]; assumed"
+    )
+    battery: float = Field(0.7, gt=0, le=1, description="share of a battery that is used [-]; assumed")
+
+
+class Requirement(Section):
+    """What is to be seen, how well, and by what."""
+
+    name: str = Field(min_length=1, max_length=200, description="of the study")
+    scenario: str = Field(
+        min_length=1, description="packaged scenario, or path of a file: body, target, mothership, epoch, criterion"
+    )
+    changes: dict[str, Any] = Field(default_factory=dict, description="values by dotted key that change it")
+    resolution_m: float = Field(gt=0, le=1e5, description="coarsest ground sampling distance, obliquity included [m]")
+    share_percent: float = Field(99.9, gt=0, le=100, description="of the target that must be seen so [%]")
+    min_snr: float = Field(20.0, ge=0, le=1e4, description="least signal to noise of a pixel [-]")
+    max_blur_px: float = Field(
+        1.0, gt=0, le=100, description="largest motion of the ground in an exposure, the camera not turning along [px]"
+    )
+    deliver_within_h: float = Field(240.0, gt=0, le=1e6, description="time until all pictures are on Earth [h]")
+    contact_h: float = Field(8.0, gt=0, le=24, description="contact of a spacecraft with Earth a day [h]")
+    delta_v_m_s: float = Field(0.0, ge=0, le=1e4, description="that thrusters must give [m/s]; 0: there are none")
+    turn_s: float = Field(120.0, gt=0, le=1e5, description="time in which it turns by 180 deg, from rest to rest [s]")
+    limits: Limits = Field(default_factory=Limits, description="what may be chosen")
+    margins: Margins = Field(default_factory=Margins, description="what is kept in hand")
+
+    @model_validator(mode="after")
+    def _changes_leave_the_camera(self) -> Self:
+        for key in self.changes:
+            if key.split(".")[0] in ("camera", "spacecraft"):
+                raise ValueError(f"changes: {key}: is what is sized; must be a key of another section")
+        return self
+
+
+def load_requirement(source: str | Path | dict[str, Any]) -> Requirement:
+    """Read a requirement from a file, or take its values.
+
+    Raises:
+        ScenarioError: The file cannot be read, or a value is not allowed.
+    """
+    data: Any = source
+    if not isinstance(source, dict):
+        try:
+            data = yaml.safe_load(Path(source).read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+            raise ScenarioError(f"{source}: cannot be read as a requirement: {error}") from None
+    if not isinstance(data, dict):
+        raise ScenarioError(f"{source}: must be a mapping of {', '.join(Requirement.model_fields)}")
+    try:
+        return Requirement.model_validate(data)
+    except ValidationError as error:
+        raise ScenarioError(
+            f"{source if not isinstance(source, dict) else 'requirement'}:\n{listed(error, explained)}"
+        ) from None

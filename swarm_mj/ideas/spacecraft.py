@@ -1,0 +1,594 @@
+"""The spacecraft designer: the lightest CubeSat of each kind that can do what a requirement asks, or what forbids it.
+
+For each size, imaging altitude and detector the camera follows from the resolution. The rest (wheels, radio, thrusters, panels,
+batteries) is chosen by a mixed-integer linear program that minimises the mass and keeps the budgets of mass, volume, power,
+energy and data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import atan, ceil, degrees, log, pi, radians, sqrt, tan
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import LinearConstraint
+
+from swarm_mj.dataflow.ground import stations_from
+from swarm_mj.dataflow.link_budget import rates_bit_s
+from swarm_mj.dataflow.radios import CATALOGUE
+from swarm_mj.designer.exact import solve_program
+from swarm_mj.ideas import sizing
+from swarm_mj.ideas.components import (
+    BATTERY,
+    BATTERY_WH,
+    BUS,
+    CROSSLINK_SENDS_W,
+    DETECTORS,
+    EARTH_LINKS,
+    PANEL,
+    PANEL_CELLS_M2,
+    PANEL_EFFICIENCY,
+    PROPULSION,
+    SIZES,
+    WHEELS,
+    Detector,
+    EarthLink,
+    Propulsion,
+    Size,
+    WheelSet,
+)
+from swarm_mj.ideas.requirement import Requirement
+from swarm_mj.observation.photometry import Surface, radiance_factor
+from swarm_mj.observation.radiometry import electrons, signal_to_noise
+from swarm_mj.scenarios.constants import AU
+from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_imaging import Camera
+
+#: Wheels of a spacecraft; and how much more torque and momentum they have than they need.
+WHEEL_COUNT, WHEEL_RESERVE = 3, 1.25
+#: Wavelength for which lenses are made [m], and angles at which the signal is told: incidence, emission, phase [deg].
+GREEN_M, LIT_AT_DEG = 550e-9, (45.0, 30.0, 60.0)
+#: Hottest that electronics may be, and what its sides emit, for the bound on power [K, -].
+HOT_K, EMISSIVITY = 313.0, 0.8
+#: Widest half-angle of a lens [deg].
+WIDEST_DEG = 30.0
+#: Time in which the camera takes pictures, panels not facing the Sun [h].
+IMAGING_H = 1.0
+
+
+class Encounter(NamedTuple):
+    """What a scenario says of the passage.
+
+    Attributes:
+        area_m2: Of the target.
+        speed: Of the spacecraft over it at the arrival [m/s].
+        altitude_m: The scenario's.
+        sun_m: Distance of the body from the Sun.
+        earth_m: From Earth.
+        surface: How it reflects.
+        interval_s: Between two pictures; 0: the arrival alone counts.
+    """
+
+    area_m2: float
+    speed: float
+    altitude_m: float
+    sun_m: float
+    earth_m: float
+    surface: Surface
+    interval_s: float
+
+
+class Payload(NamedTuple):
+    """A camera for a resolution from an altitude."""
+
+    altitude_m: float
+    detector: Detector
+    pixel_rad: float
+    aperture_m: float
+    focal_m: float
+    length_m: float
+    exposure_s: float
+    snr: float
+    mass_kg: float
+    volume_u: float
+    half_angle_deg: float
+
+    @property
+    def power_w(self) -> float:
+        """While it takes pictures [W]."""
+        return self.detector.power_w
+
+
+class Refusal(NamedTuple):
+    """What forbids a spacecraft: the limit, what is needed, and in words."""
+
+    cause: str
+    allowed: float
+    needed: float
+    words: str
+
+    @property
+    def short(self) -> float:
+        """By what factor what is needed and what is allowed lie apart; infinite where that is no number."""
+        least, most = sorted((self.allowed, self.needed))
+        return most / least if least > 0.0 else np.inf
+
+
+class Row(NamedTuple):
+    """A line of the budgets; powers by mode [W]."""
+
+    name: str
+    number: float
+    mass_kg: float
+    volume_u: float
+    power_w: float
+    source: str
+
+
+@dataclass(frozen=True)
+class Spacecraft:
+    """A sized spacecraft.
+
+    Attributes:
+        size: By the standard.
+        payload: Its camera.
+        wheels: Its wheels.
+        link: Its transponder and antenna.
+        propulsion: Its thrusters; None: it has none.
+        propellant_kg: In the tank.
+        panels: Deployed panels.
+        batteries: Their number.
+        rows: The budgets.
+        mass_kg: With margin.
+        volume_u: With what harness takes.
+        power_w: Largest mean power of a day, with margin [W].
+        available_w: What the panels give at the body's distance from the Sun [W].
+        send_h: Time in which its pictures are sent, contacts of `contact_h` a day [h].
+        pictures: That it takes in the passage, at most.
+    """
+
+    size: Size
+    payload: Payload
+    wheels: WheelSet
+    link: EarthLink
+    propulsion: Propulsion | None
+    propellant_kg: float
+    panels: int
+    batteries: int
+    rows: tuple[Row, ...]
+    mass_kg: float
+    volume_u: float
+    power_w: float
+    available_w: float
+    send_h: float
+    pictures: int
+
+    @property
+    def name(self) -> str:
+        """Size, altitude and detector."""
+        return f"{self.size.units}U at {self.payload.altitude_m:,.0f} m with a {self.payload.detector.name} detector"
+
+    def changes(self, asked: Requirement) -> dict[str, Any]:
+        """Values of a scenario by dotted key that fly it."""
+        payload, wheel = self.payload, self.wheels
+        speed = 6000.0 * pi / 30.0
+        found: dict[str, Any] = {
+            "spacecraft.mass_kg": round(self.mass_kg, 4),
+            "spacecraft.size_m": list(self.size.size_m),
+            "spacecraft.wheel.mass_kg": wheel.mass_kg,
+            "spacecraft.wheel.max_torque_n_m": wheel.torque_n_m,
+            "spacecraft.wheel.spin_inertia_kg_m2": wheel.momentum_n_m_s / speed,
+            "spacecraft.wheel.transverse_inertia_kg_m2": 0.65 * wheel.momentum_n_m_s / speed,
+            "camera.half_angle_deg": payload.half_angle_deg,
+            "camera.detector_ifov_rad": payload.pixel_rad,
+            "camera.aperture_m": payload.aperture_m,
+            "camera.wavelength_m": GREEN_M,
+            "camera.quantum_efficiency": payload.detector.quantum_efficiency,
+            "camera.read_noise": payload.detector.read_noise,
+            "observation.max_gsd_m": asked.resolution_m,
+            "design.imaging_altitude_m": payload.altitude_m,
+            "designer.max_observers": asked.limits.spacecraft,
+            "designer.tolerance_percent": round(100.0 - asked.share_percent, 9),
+            "link.earth.radio": self.link.radio,
+        }
+        if self.propulsion is not None:
+            found["spacecraft.thrusters"] = {
+                "thrust_n": self.propulsion.thrust_n,
+                "specific_impulse_s": self.propulsion.specific_impulse_s,
+                "propellant_kg": self.propellant_kg,
+            }
+        return found
+
+
+def payload_for(
+    asked: Requirement, seen: Encounter, size: Size, altitude_m: float, detector: Detector
+) -> Payload | Refusal:
+    """The camera that a resolution needs from an altitude, with the largest lens it can use; or what forbids it."""
+    pixel = sizing.pixel_angle(asked.resolution_m, altitude_m, asked.margins.relief)
+    # Nearer by, a longer lens than the resolution needs: wide ones distort, and dim towards their edges.
+    pixel = min(pixel, 2.0 * tan(radians(WIDEST_DEG)) / detector.pixels)
+    needed = sizing.aperture(pixel, GREEN_M)
+    if needed > size.aperture_m:
+        return Refusal(
+            "diffraction",
+            size.aperture_m,
+            needed,
+            f"{asked.resolution_m:g} m from {altitude_m:,.0f} m, with {asked.margins.relief:g} in hand for slants, need a "
+            f"lens of {1e3 * needed:.3g} mm; {size.units}U take {1e3 * size.aperture_m:g} mm",
+        )
+    focal = sizing.focal_length(pixel, detector.pitch_m)
+    # A lens no faster than f/1.4, which small cameras are.
+    least = max(needed, 0.01)
+    most = min(size.aperture_m, focal / 1.4)
+    if most < needed:
+        return Refusal(
+            "lens", most, needed, f"its lens would be faster than f/1.4: {1e3 * needed:.3g} mm of {1e3 * focal:.3g} mm"
+        )
+    exposure = sizing.smear_exposure(asked.resolution_m, asked.max_blur_px, max(seen.speed, 1e-6))
+    reached, aperture = 0.0, least
+    mu0, mu, phase = (float(np.cos(np.radians(angle))) for angle in LIT_AT_DEG)
+    for aperture in np.geomspace(least, max(most, least), 12):
+        camera = Camera(
+            half_angle_deg=1.0,
+            aperture_m=float(aperture),
+            wavelength_m=GREEN_M,
+            quantum_efficiency=detector.quantum_efficiency,
+            read_noise=detector.read_noise,
+            exposure_s=min(exposure, 60.0),
+        )
+        light = electrons(camera, pixel, np.array([radiance_factor(seen.surface, mu0, mu, phase)]), seen.sun_m)
+        reached = float(signal_to_noise(camera, light)[0])
+        if reached >= asked.min_snr:
+            break
+    if reached < asked.min_snr:
+        return Refusal(
+            "signal",
+            reached,
+            asked.min_snr,
+            f"in {exposure:.3g} s, in which the ground moves by {asked.max_blur_px:g} px at {seen.speed:,.0f} m/s, the largest "
+            f"lens of {1e3 * aperture:.3g} mm gives a signal to noise of {reached:.3g}, not {asked.min_snr:g}",
+        )
+    length = sizing.optics_length(focal, float(aperture))
+    if length > size.length_m:
+        return Refusal(
+            "length",
+            size.length_m,
+            length,
+            f"optics of f = {1e3 * focal:,.0f} mm are {1e3 * length:.3g} mm long, {size.units}U have "
+            f"{1e3 * size.length_m:g} mm",
+        )
+    volume = (max(float(aperture) + 0.01, 0.05) ** 2 * length) / 1e-3
+    return Payload(
+        altitude_m,
+        detector,
+        pixel,
+        float(aperture),
+        focal,
+        length,
+        min(exposure, 60.0),
+        reached,
+        sizing.optics_mass(float(aperture)) + detector.mass_kg,
+        volume + detector.volume_u,
+        degrees(atan(0.5 * detector.pixels * pixel)),
+    )
+
+
+def pictures_in_passage(asked: Requirement, seen: Encounter, altitude_m: float) -> int:
+    """Pictures of a spacecraft while the target is near enough: as far off as the reserve for slant ranges reaches."""
+    if seen.interval_s <= 0.0:
+        return 1
+    chord = 2.0 * altitude_m * sqrt(asked.margins.relief**2 - 1.0)
+    return 1 + int(chord / max(seen.speed, 1e-9) / seen.interval_s)
+
+
+def least_observers(asked: Requirement, seen: Encounter, payload: Payload) -> int:
+    """Observers without which the target cannot be sampled, whatever their paths: by the pixels of all their pictures."""
+    pictures = _pictures_needed(asked, seen, payload)
+    return max(1, ceil(pictures / pictures_in_passage(asked, seen, payload.altitude_m) - 1e-9))
+
+
+def _pictures_needed(asked: Requirement, seen: Encounter, payload: Payload) -> int:
+    area = 0.01 * asked.share_percent * seen.area_m2
+    return sizing.pictures_needed(area, payload.detector.pixels, asked.resolution_m)
+
+
+def size_spacecraft(
+    asked: Requirement, scenario: Scenario, seen: Encounter, size: Size, payload: Payload
+) -> Spacecraft | Refusal:
+    """The lightest spacecraft of a size with a camera; or what forbids it."""
+    limit = min(size.limit_kg, asked.limits.spacecraft_kg or size.limit_kg)
+    inertia = sizing.box_inertia(limit, size.size_m)
+    rate, acceleration = sizing.tracking(seen.speed, payload.altitude_m)
+    torque, momentum = sizing.turning(inertia, pi, asked.turn_s)
+    torque, momentum = (
+        WHEEL_RESERVE * max(torque, inertia * acceleration),
+        WHEEL_RESERVE * max(momentum, inertia * rate),
+    )
+    wheels = [w for w in WHEELS if w.torque_n_m >= torque and w.momentum_n_m_s >= momentum]
+    if not wheels:
+        largest = WHEELS[-1]
+        return Refusal(
+            "wheels",
+            largest.momentum_n_m_s,
+            momentum,
+            f"turns need {1e3 * momentum:.3g} mN m s and {1e3 * torque:.3g} mN m of a wheel, the largest ({largest.name}) has "
+            f"{1e3 * largest.momentum_n_m_s:g} and {1e3 * largest.torque_n_m:g}",
+        )
+    pictures = pictures_in_passage(asked, seen, payload.altitude_m)
+    kept = min(pictures, ceil(asked.margins.overlap * _pictures_needed(asked, seen, payload)))
+    bits = kept * payload.detector.pixels**2 * scenario.data.bits_per_pixel / scenario.data.compression
+    share, g_over_t = asked.contact_h / 24.0, max(s.g_over_t_db_k for s in stations_from(scenario.link.ground))
+    links, hours = [], []
+    slowest = 0.0
+    for link in EARTH_LINKS:
+        rate_bit_s = float(rates_bit_s(CATALOGUE[link.radio], g_over_t, seen.earth_m))
+        slowest = max(slowest, rate_bit_s)
+        if (
+            link.least_units <= size.units
+            and rate_bit_s > 0.0
+            and bits / rate_bit_s / 3600.0 / share <= asked.deliver_within_h
+        ):
+            links.append(link)
+            hours.append(bits / rate_bit_s / 3600.0 / share)
+    if not links:
+        return Refusal(
+            "data",
+            asked.deliver_within_h,
+            bits / slowest / 3600.0 / share if slowest > 0.0 else np.inf,
+            f"{bits / 1e6:,.0f} Mbit of {kept} pictures over {seen.earth_m / AU:.2f} au do not arrive within "
+            f"{asked.deliver_within_h:g} h by any radio that {size.units}U carry",
+        )
+    best: Spacecraft | None = None
+    lacking: list[str] = []
+    options: list[Propulsion | None] = [*PROPULSION] if asked.delta_v_m_s > 0.0 else [None]
+    for propulsion in options:
+        found = _lightest(asked, seen, size, payload, (wheels, links, hours), propulsion, (limit, pictures))
+        if isinstance(found, str):
+            lacking.append(found if propulsion is None else f"with {propulsion.name} {found}")
+        elif best is None or found.mass_kg < best.mass_kg - 1e-9:
+            best = found
+    return Refusal("budgets", limit, np.nan, "; ".join(lacking)) if best is None else best
+
+
+def _lightest(
+    asked: Requirement,
+    seen: Encounter,
+    size: Size,
+    payload: Payload,
+    choices: tuple[list[WheelSet], list[EarthLink], list[float]],
+    propulsion: Propulsion | None,
+    given: tuple[float, int],
+) -> Spacecraft | str:
+    """Solve the program with one kind of thrusters; or which one of its limits, left out, would give it a solution."""
+    wheels, links, hours = choices
+    limit, pictures = given
+    margins, share = asked.margins, asked.contact_h / 24.0
+    # Unknowns: which wheels, which link, panels, batteries; and what the tank holds, by the rocket equation of the rest.
+    n_w, n_l = len(wheels), len(links)
+    mass = np.array(
+        [WHEEL_COUNT * w.mass_kg for w in wheels] + [x.mass_kg for x in links] + [PANEL.mass_kg, BATTERY.mass_kg]
+    )
+    volume = np.array(
+        [WHEEL_COUNT * w.volume_u for w in wheels] + [x.volume_u for x in links] + [PANEL.volume_u, BATTERY.volume_u]
+    )
+    fixed_kg = size.structure_kg + payload.mass_kg + sum(part.mass_kg for part in BUS)
+    fixed_u = payload.volume_u + sum(part.volume_u for part in BUS)
+    grown, per_dry, dense = 1.0 + margins.mass, 0.0, 0.0
+    if propulsion is not None:
+        fixed_kg, fixed_u = fixed_kg + propulsion.dry_kg, fixed_u + propulsion.volume_u
+        used = sizing.propellant(1.0, asked.delta_v_m_s, propulsion.specific_impulse_s)
+        # Propellant m_p = used (dry + tank m_p): the tank is carried along.
+        if used * propulsion.tank_share >= 1.0:
+            return f"{asked.delta_v_m_s:g} m/s outweigh the tank"
+        per_dry = used / (1.0 - used * propulsion.tank_share)
+        dense = per_dry / propulsion.density
+        grown *= 1.0 + per_dry * (1.0 + propulsion.tank_share)
+    watt = sizing.panel_power(PANEL_CELLS_M2, PANEL_EFFICIENCY, seen.sun_m, margins.cells)
+    bus_w = (1.0 + margins.power) * sum(part.power_w for part in BUS)
+    more = 1.0 + margins.power
+    wheel_w = np.array([WHEEL_COUNT * w.power_w for w in wheels])
+    one_w, one_l = np.ones(n_w), np.ones(n_l)
+    sends, listens = (np.array([getattr(x, key) for x in links]) for key in ("transmits_w", "listens_w"))
+    burning_w = propulsion.power_w if propulsion is not None else 0.0
+
+    def row(w: Any, x: Any, panels: float, batteries: float) -> Any:
+        return np.concatenate((np.broadcast_to(w, n_w), np.broadcast_to(x, n_l), [panels, batteries]))
+
+    mean = share * sends + (1.0 - share) * listens
+    rows = [
+        # Exactly one set of wheels, one link.
+        (row(one_w, 0.0 * one_l, 0.0, 0.0), 1.0, 1.0),
+        (row(0.0 * one_w, one_l, 0.0, 0.0), 1.0, 1.0),
+        (grown * mass, -np.inf, limit - grown * fixed_kg),
+        (
+            volume + dense * (1.0 + margins.mass) * mass,
+            -np.inf,
+            size.units * (1.0 - margins.volume) - fixed_u - dense * (1.0 + margins.mass) * fixed_kg,
+        ),
+        # The mean of a day, and thrusters while nothing is sent: panels give it.
+        (row(more * wheel_w, more * mean, -watt, 0.0), -np.inf, -bus_w),
+        (
+            row(more * wheel_w, more * listens, -watt, 0.0) * bool(burning_w),
+            -np.inf,
+            -bus_w - more * burning_w if burning_w else 0.0,
+        ),
+        # A contact, and the passage with panels turned away: batteries give what is missing.
+        (
+            row(
+                more * wheel_w * asked.contact_h,
+                more * sends * asked.contact_h,
+                -watt * asked.contact_h,
+                -margins.battery * BATTERY_WH,
+            ),
+            -np.inf,
+            -bus_w * asked.contact_h,
+        ),
+        (
+            row(more * wheel_w * IMAGING_H, more * listens * IMAGING_H, 0.0, -margins.battery * BATTERY_WH),
+            -np.inf,
+            -(bus_w + more * (payload.power_w + CROSSLINK_SENDS_W)) * IMAGING_H,
+        ),
+        # What is drawn at once becomes heat that the sides can radiate.
+        (
+            row(more * wheel_w, more * sends, 0.0, 0.0),
+            -np.inf,
+            sizing.radiated_power(size.size_m, HOT_K, EMISSIVITY) - bus_w,
+        ),
+    ]
+    most = row(one_w, one_l, float(size.panels), 20.0)
+    constraints = [LinearConstraint(np.atleast_2d(a), low, high) for a, low, high in rows]
+    answer = solve_program(grown * mass, constraints, None, most=most)
+    if answer.x is None:
+        return _lacking(grown * mass, constraints, most, size)
+    x = np.rint(answer.x)
+    wheel, k = wheels[int(x[:n_w].argmax())], int(x[n_w : n_w + n_l].argmax())
+    link, panels, batteries = links[k], int(x[-2]), int(x[-1])
+    dry = (1.0 + margins.mass) * (fixed_kg + float(mass @ x))
+    tank = per_dry * dry
+    listed = [
+        Row(f"structure {size.units}U", 1, size.structure_kg, 0.0, 0.0, "class of the ISISPACE CubeSat structures")
+    ]
+    optics = sizing.optics_mass(payload.aperture_m)
+    listed += [
+        Row("optics", 1, optics, payload.volume_u - payload.detector.volume_u, 0.0, "see ideas/sizing.py"),
+        Row(
+            f"detector {payload.detector.name}",
+            1,
+            payload.detector.mass_kg,
+            payload.detector.volume_u,
+            payload.power_w,
+            payload.detector.source,
+        ),
+        *(Row(part.name, 1, part.mass_kg, part.volume_u, part.power_w, part.source) for part in BUS),
+        Row(
+            f"wheels {wheel.name}",
+            WHEEL_COUNT,
+            WHEEL_COUNT * wheel.mass_kg,
+            WHEEL_COUNT * wheel.volume_u,
+            WHEEL_COUNT * wheel.power_w,
+            wheel.source,
+        ),
+        Row(link.radio, 1, link.mass_kg, link.volume_u, link.transmits_w, link.source),
+        Row("panels", panels, panels * PANEL.mass_kg, panels * PANEL.volume_u, 0.0, PANEL.source),
+        Row("batteries", batteries, batteries * BATTERY.mass_kg, batteries * BATTERY.volume_u, 0.0, BATTERY.source),
+    ]
+    if propulsion is not None:
+        tank_kg = propulsion.dry_kg + propulsion.tank_share * tank
+        listed.append(
+            Row(
+                propulsion.name,
+                1,
+                tank_kg,
+                propulsion.volume_u + tank / propulsion.density,
+                propulsion.power_w,
+                propulsion.source,
+            )
+        )
+        listed.append(Row("propellant", 1, tank, 0.0, 0.0, f"rocket equation, {asked.delta_v_m_s:g} m/s"))
+    wet = dry + tank * (1.0 + (propulsion.tank_share if propulsion else 0.0))
+    power = more * (float(wheel_w @ x[:n_w]) + float(mean @ x[n_w : n_w + n_l])) + bus_w
+    return Spacecraft(
+        size=size,
+        payload=payload,
+        wheels=wheel,
+        link=link,
+        propulsion=propulsion,
+        propellant_kg=tank,
+        panels=panels,
+        batteries=batteries,
+        rows=tuple(listed),
+        mass_kg=wet,
+        volume_u=(fixed_u + float(volume @ x) + dense * dry) / (1.0 - margins.volume),
+        power_w=power,
+        available_w=panels * watt,
+        send_h=hours[k],
+        pictures=pictures,
+    )
+
+
+#: What the rows of the program from the third on keep.
+KEPT = (
+    "mass",
+    "volume",
+    "the power that panels give in the mean of a day",
+    "the power that panels give while thrusters burn",
+    "the batteries in a contact with Earth",
+    "the batteries in the passage",
+    "the heat that its sides radiate",
+)
+
+
+def _lacking(objective: Any, constraints: list[LinearConstraint], most: Any, size: Size) -> str:
+    """Which one limit, left out, would give the program a solution."""
+    more = most.copy()
+    more[-2] = 1000.0
+    free = solve_program(objective, constraints, None, most=more)
+    if free.x is not None:
+        return f"{free.x[-2]:.0f} panels are needed, {size.units}U carry {size.panels}"
+    alone = []
+    for k, name in enumerate(KEPT):
+        rest = [row for i, row in enumerate(constraints) if i != k + 2]
+        if solve_program(objective, rest, None, most=most).x is not None:
+            alone.append(name)
+    if alone:
+        return f"the limit of {' or of '.join(alone)} forbids it"
+    # The least excess of all limits together, each over its size.
+    n, m = len(objective), len(KEPT)
+    size_of = [max(float(np.abs(row.ub).max()), 1.0) for row in constraints[2:]]
+    rows = [
+        LinearConstraint(
+            np.hstack((row.A, -size_of[i - 2] * np.eye(m)[i - 2 : i - 1] if i > 1 else np.zeros((1, m)))),
+            row.lb,
+            row.ub,
+        )
+        for i, row in enumerate(constraints)
+    ]
+    whole = np.arange(n + m) < n
+    ends = np.append(most, np.full(m, 100.0))
+    excess = solve_program(np.append(np.zeros(n), np.ones(m)), rows, None, most=ends, whole=whole).x
+    if excess is None:
+        return "several limits forbid it at once"
+    beyond = [f"{name} by {100.0 * share:.0f} %" for name, share in zip(KEPT, excess[n:], strict=True) if share > 1e-6]
+    return f"at the least it exceeds {' and '.join(beyond)}"
+
+
+def altitudes_for(asked: Requirement, seen: Encounter) -> tuple[float, ...]:
+    """Altitudes to choose from [m]."""
+    return asked.limits.altitudes_m or tuple(share * seen.altitude_m for share in (0.25, 0.5, 1.0, 2.0))
+
+
+def spacecraft_options(
+    asked: Requirement, scenario: Scenario, seen: Encounter
+) -> Iterator[tuple[Size, float, Detector, Spacecraft | Refusal]]:
+    """Every size, altitude and detector with the lightest spacecraft, or what forbids it."""
+    for units in asked.limits.units:
+        for altitude in altitudes_for(asked, seen):
+            for detector in DETECTORS:
+                size = SIZES[units]
+                payload = payload_for(asked, seen, size, altitude, detector)
+                if isinstance(payload, Refusal):
+                    yield size, altitude, detector, payload
+                    continue
+                least = least_observers(asked, seen, payload)
+                if least > asked.limits.spacecraft:
+                    shown = (detector.pixels * asked.resolution_m) ** 2 / 1e6
+                    words = (
+                        f"{detector.pixels} x {detector.pixels} pixels of {asked.resolution_m:g} m show {shown:.3g} km^2, the "
+                        f"target has {seen.area_m2 / 1e6:.4g} km^2, and a passage gives "
+                        f"{pictures_in_passage(asked, seen, altitude)} pictures: {least} observers at least, "
+                        f"{asked.limits.spacecraft} are allowed"
+                    )
+                    yield size, altitude, detector, Refusal("pixels", asked.limits.spacecraft, least, words)
+                    continue
+                yield size, altitude, detector, size_spacecraft(asked, scenario, seen, size, payload)
+
+
+def closeness(asked: Requirement, other: Requirement) -> float:
+    """How unlike two requirements are: the largest logarithm of a ratio of what they ask for; infinite for other scenarios."""
+    if asked.scenario != other.scenario or asked.changes != other.changes:
+        return np.inf
+    pairs = [(asked.resolution_m, other.resolution_m), (asked.share_percent, other.share_percent)]
+    pairs += [(asked.deliver_within_h, other.deliver_within_h), (1.0 + asked.delta_v_m_s, 1.0 + other.delta_v_m_s)]
+    return max(abs(log(a / b)) for a, b in pairs)

@@ -1,0 +1,163 @@
+"""The spacecraft designer: budgets added up again, and its choice against all choices."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.ideas import components, sizing
+from swarm_mj.ideas.components import BATTERY_WH, BUS, DETECTORS, EARTH_LINKS, PROPULSION, SIZES, WHEELS
+from swarm_mj.ideas.requirement import Requirement, load_requirement
+from swarm_mj.ideas.spacecraft import (
+    CROSSLINK_SENDS_W,
+    IMAGING_H,
+    WHEEL_COUNT,
+    Encounter,
+    Payload,
+    Refusal,
+    Spacecraft,
+    least_observers,
+    payload_for,
+    pictures_in_passage,
+    size_spacecraft,
+)
+from swarm_mj.observation.photometry import surface_of
+from swarm_mj.scenarios.constants import AU
+from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.schema_photometry import Photometry
+
+SCENARIO = load_scenario("bennu-slow")
+SEEN = Encounter(
+    area_m2=17_500.0,
+    speed=5.0,
+    altitude_m=1000.0,
+    sun_m=0.95 * AU,
+    earth_m=0.84 * AU,
+    surface=surface_of(Photometry(law="lambert", albedo=0.05)),
+    interval_s=10.0,
+)
+
+
+def asked(**changes):
+    return Requirement.model_validate({"name": "test", "scenario": "bennu-slow", "resolution_m": 0.2, **changes})
+
+
+def sized(units=6, detector=1, **changes):
+    given = asked(**changes)
+    payload = payload_for(given, SEEN, SIZES[units], 1000.0, DETECTORS[detector])
+    return given, size_spacecraft(given, SCENARIO, SEEN, SIZES[units], payload)
+
+
+@pytest.mark.parametrize("changes", [{}, {"delta_v_m_s": 30.0}, {"delta_v_m_s": 250.0}])
+def test_budgets_add_up_and_are_kept(changes):
+    given, one = sized(**changes)
+    assert isinstance(one, Spacecraft)
+    m = given.margins
+    tank = [row for row in one.rows if row.name == "propellant"]
+    parts = [row for row in one.rows if row.name != "propellant"]
+    dry = sum(row.mass_kg for row in parts)
+    grown = sum(row.mass_kg for row in parts if not (one.propulsion and row.name == one.propulsion.name))
+    if one.propulsion is not None:
+        # The tank grows with what it holds; the margin is on what is built.
+        shell = one.propulsion.tank_share * one.propellant_kg
+        assert one.mass_kg == pytest.approx((1.0 + m.mass) * (dry - shell) + shell + one.propellant_kg)
+        assert sizing.delta_v_of(one.mass_kg, one.propellant_kg, one.propulsion.specific_impulse_s) == pytest.approx(
+            given.delta_v_m_s
+        )
+        assert tank[0].mass_kg == one.propellant_kg and grown < dry
+    else:
+        assert one.mass_kg == pytest.approx((1.0 + m.mass) * dry)
+    assert one.volume_u == pytest.approx(sum(row.volume_u for row in one.rows) / (1.0 - m.volume))
+    assert one.mass_kg <= one.size.limit_kg and one.volume_u <= one.size.units
+    # A day: contacts and the rest, by the panels; a contact and a passage with the batteries.
+    bus = sum(part.power_w for part in BUS) + WHEEL_COUNT * one.wheels.power_w
+    share = given.contact_h / 24.0
+    mean = (1.0 + m.power) * (bus + share * one.link.transmits_w + (1.0 - share) * one.link.listens_w)
+    assert one.power_w == pytest.approx(mean) and mean <= one.available_w
+    assert one.available_w == pytest.approx(
+        one.panels * 1361.0 / 0.95**2 * components.PANEL_CELLS_M2 * components.PANEL_EFFICIENCY * m.cells
+    )
+    stored = m.battery * BATTERY_WH * one.batteries
+    assert ((1.0 + m.power) * (bus + one.link.transmits_w) - one.available_w) * given.contact_h <= stored + 1e-9
+    passage = bus + one.link.listens_w + one.payload.power_w + CROSSLINK_SENDS_W
+    assert (1.0 + m.power) * passage * IMAGING_H <= stored + 1e-9
+
+
+def test_the_choice_is_the_lightest_of_all_choices():
+    given, one = sized(delta_v_m_s=40.0, units=6, deliver_within_h=50.0)
+    m, size, payload = given.margins, SIZES[6], one.payload
+    watt = 1361.0 / 0.95**2 * components.PANEL_CELLS_M2 * components.PANEL_EFFICIENCY * m.cells
+    bus, best = sum(part.power_w for part in BUS), np.inf
+    for wheel, link, thrust, panels, batteries in itertools.product(
+        [w for w in WHEELS if w.momentum_n_m_s >= one.wheels.momentum_n_m_s],
+        EARTH_LINKS,
+        PROPULSION,
+        range(size.panels + 1),
+        range(1, 9),
+    ):
+        load = bus + 3 * wheel.power_w
+        kilos = size.structure_kg + payload.mass_kg + sum(part.mass_kg for part in BUS) + thrust.dry_kg
+        kilos += (
+            3 * wheel.mass_kg
+            + link.mass_kg
+            + panels * components.PANEL.mass_kg
+            + batteries * components.BATTERY.mass_kg
+        )
+        ratio = np.exp(given.delta_v_m_s / (9.80665 * thrust.specific_impulse_s)) - 1.0
+        tank = ratio * 1.2 * kilos / (1.0 - ratio * thrust.tank_share)
+        wet = 1.2 * kilos + (1.0 + thrust.tank_share) * tank
+        volume = payload.volume_u + sum(part.volume_u for part in BUS) + thrust.volume_u + tank / thrust.density
+        volume += (
+            3 * wheel.volume_u
+            + link.volume_u
+            + panels * components.PANEL.volume_u
+            + batteries * components.BATTERY.volume_u
+        )
+        fits = wet <= size.limit_kg and volume <= 0.9 * size.units and link.least_units <= 6
+        day = 1.1 * (load + link.transmits_w / 3.0 + link.listens_w * 2.0 / 3.0) <= panels * watt
+        burn = 1.1 * (load + link.listens_w + thrust.power_w) <= panels * watt
+        contact = (1.1 * (load + link.transmits_w) - panels * watt) * 8.0 <= 0.7 * BATTERY_WH * batteries
+        passage = 1.1 * (load + link.listens_w + payload.power_w + 3.0) <= 0.7 * BATTERY_WH * batteries
+        sent = link.radio != "iris_patch"  # 6 dBi send 4 Mpx too slowly
+        if fits and day and burn and contact and passage and sent:
+            best = min(best, wet)
+    assert one.mass_kg == pytest.approx(best, rel=1e-9)
+
+
+def test_what_cannot_be_built_is_refused_with_its_numbers():
+    fine = payload_for(asked(resolution_m=0.01), SEEN, SIZES[3], 2000.0, DETECTORS[1])
+    assert isinstance(fine, Refusal) and fine.cause == "diffraction"
+    assert fine.needed == pytest.approx(1.22 * 550e-9 * 1.4 * 2000.0 / 0.01) and fine.allowed == 0.09
+    dim = payload_for(asked(resolution_m=0.2), SEEN._replace(speed=1e5), SIZES[3], 1000.0, DETECTORS[1])
+    assert isinstance(dim, Refusal) and dim.cause == "signal" and dim.allowed < 20.0 == dim.needed
+    _, far = sized(deliver_within_h=0.01)
+    assert isinstance(far, Refusal) and far.cause == "data" and far.needed > 0.01
+    _, agile = sized(turn_s=1.0)
+    assert isinstance(agile, Refusal) and agile.cause == "wheels"
+    given = asked()
+    payload = payload_for(given, SEEN, SIZES[6], 1000.0, DETECTORS[1])
+    dark = size_spacecraft(given, SCENARIO, SEEN._replace(sun_m=2.0 * AU), SIZES[6], payload)
+    assert isinstance(dark, Refusal) and dark.cause == "budgets" and "panels are needed, 6U carry 12" in dark.words
+
+
+def test_pixels_bound_the_number_of_observers():
+    payload = payload_for(asked(), SEEN, SIZES[6], 1000.0, DETECTORS[1])
+    assert isinstance(payload, Payload)
+    # 14 pictures of 2048^2 pixels of 0.2 m, of a target of 10 km^2; a passage at 5 m/s gives 40.
+    wide, once = SEEN._replace(area_m2=2.2e6), SEEN._replace(area_m2=2.2e6, interval_s=0.0)
+    assert pictures_in_passage(asked(), wide, 1000.0) == 1 + int(2.0 * 1000.0 * np.sqrt(1.4**2 - 1.0) / 50.0)
+    assert least_observers(asked(), once, payload) == 14 and least_observers(asked(), wide, payload) == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"limits": {"units": [4]}}, "limits.units"),
+        ({"resolution_m": -1}, "resolution_m"),
+        ({"changes": {"camera.half_angle_deg": 3}}, "camera.half_angle_deg"),
+    ],
+)
+def test_wrong_requirements_are_refused_by_name(changes, words):
+    with pytest.raises(ScenarioError, match=words):
+        load_requirement({"name": "test", "scenario": "bennu-slow", "resolution_m": 0.2, **changes})
