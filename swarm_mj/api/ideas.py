@@ -14,9 +14,12 @@ from swarm_mj.ideas.knowledge import Kept, KnowledgeBase, differences, rerun, sc
 from swarm_mj.ideas.knowledge import study as carry
 from swarm_mj.ideas.requirement import load_requirement
 from swarm_mj.io.atomic import write_text
-from swarm_mj.io.progress import Stages, using_bars
+from swarm_mj.io.progress import using_bars
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
+    from swarm_mj.ideas.chain import Said
     from swarm_mj.io.progress import Shown
 
 #: Where studies are kept unless said otherwise.
@@ -122,11 +125,19 @@ def study(
     """
     asked, place = load_requirement(requirement), KnowledgeBase(base)
     with using_bars(progress) as bars:
-        _, kept = carry(asked, place, Stages(asked.name, bars).say)
+        _, kept = carry(asked, place, _teller(asked.name, bars))
     found = Studied(kept)
     if out is not None:
         found.save(out)
     return found
+
+
+def _teller(name: str, bars: Progress | None) -> Said | None:
+    """Shows what is done beside a bar."""
+    if bars is None:
+        return None
+    task = bars.add_task(name, total=None)
+    return lambda words: bars.update(task, description=f"{name}: {words}")
 
 
 def studies(base: str | Path = BASE) -> pd.DataFrame:
@@ -182,5 +193,5 @@ def rerun_study(name: str, base: str | Path = BASE, *, progress: Shown = None) -
         OutputError: There is none of such a name.
     """
     with using_bars(progress) as bars:
-        kept, found = rerun(KnowledgeBase(base), name, Stages(name, bars).say)
+        kept, found = rerun(KnowledgeBase(base), name, _teller(name, bars))
     return pd.DataFrame(found, columns=["key", f"kept ({kept.version})", "now"])

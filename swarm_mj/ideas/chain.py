@@ -152,9 +152,7 @@ def run_study(asked: Requirement, *, first: str = "", say: Said | None = None) -
     """
     begun, tell = time.perf_counter(), say or (lambda words: None)
     scenario, seen = encounter_of(asked)
-    tell(
-        f"{asked.name}: {seen.area_m2 / 1e6:.4g} km^2 are passed at {seen.speed:,.3g} m/s, {seen.earth_m / AU:.2f} au away"
-    )
+    tell(f"{seen.area_m2 / 1e6:.4g} km^2 are passed at {seen.speed:,.3g} m/s, {seen.earth_m / AU:.2f} au away")
     options = list(spacecraft_options(asked, scenario, seen))
     tried = [
         Tried(
@@ -182,7 +180,7 @@ def run_study(asked: Requirement, *, first: str = "", say: Said | None = None) -
             words = f"{least} or more would weigh {bound:.3g} kg, no less than {most:.3g} kg"
             tried.append(Tried(one.name, one.mass_kg, bound, None, words))
             continue
-        tell(f"{asked.name}: {one.name}, {one.mass_kg:.3g} kg each: how many are needed?")
+        tell(f"{one.name}, {one.mass_kg:.3g} kg each: how many are needed?")
         study, words = _design(asked, one)
         if study is None:
             tried.append(Tried(one.name, one.mass_kg, bound, None, f"swarm: {words}"))
@@ -205,7 +203,7 @@ def run_study(asked: Requirement, *, first: str = "", say: Said | None = None) -
             **({"design.observers": study.observers} if study.observers else {}),
         },
     )
-    tell(f"{asked.name}: {len(study.selected)} of {chosen.name} fly")
+    tell(f"{len(study.selected)} of {chosen.name} fly")
     checks = verify(asked, flown, chosen)
     return Study(
         asked, seen, tuple(tried), chosen, flown, len(study.selected), checks, "", (), time.perf_counter() - begun
@@ -218,6 +216,8 @@ def _design(asked: Requirement, one: Spacecraft) -> tuple[Any, str]:
         study = study_design(load_scenario(asked.scenario, {**asked.changes, **one.changes(asked)}))
     except MissionError as error:
         return None, str(error)
+    if study.interrupted:  # what was found so far proves nothing; candidates' flights are kept for the next time
+        raise KeyboardInterrupt
     proven = "proven the fewest" if study.exact.status == "optimal" else f"at least {study.exact.bound:g} are needed"
     return study, proven
 

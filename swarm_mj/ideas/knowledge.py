@@ -180,7 +180,7 @@ def study(asked: Requirement, base: KnowledgeBase, say: Said | None = None) -> t
     like = base.nearest(asked)
     first = "" if like is None else like.record["spacecraft"]["kind"]
     if like is not None and say is not None:
-        say(f"{asked.name}: begins with {first}, of the study {like.id} ({like.name})")
+        say(f"begins with {first}, of the study {like.id} ({like.name})")
     found = run_study(asked, first=first, say=say)
     return found, base.keep(asked, record_of(found), "" if like is None else like.id, found.wall_s)
 
