@@ -12,9 +12,11 @@ import pandas as pd
 from swarm_mj.errors import OutputError
 from swarm_mj.ideas.knowledge import Kept, KnowledgeBase, differences, rerun, scenario_text
 from swarm_mj.ideas.knowledge import study as carry
+from swarm_mj.ideas.report import study_html
 from swarm_mj.ideas.requirement import load_requirement
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.progress import using_bars
+from swarm_mj.io.records import writing
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -63,6 +65,30 @@ class Studied:
         return pd.DataFrame(self.record["tried"])
 
     @property
+    def drivers(self) -> pd.DataFrame:
+        """What each value of the requirement alone does to the lower bound of the swarm's mass [kg], the strongest first."""
+        return pd.DataFrame(self.record["drivers"])
+
+    @property
+    def alternatives(self) -> pd.DataFrame:
+        """Spacecraft that no other one beats in resolution, masses, power and time."""
+        return pd.DataFrame(self.record["alternatives"])
+
+    def report(self, path: str | Path) -> Path:
+        """Write the report, one HTML page that fetches nothing.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        with writing(path, "choose another place"):
+            write_text(Path(path), study_html(self.kept.name, self._told(), self.record, self.sentences))
+        return Path(path)
+
+    def _told(self) -> dict[str, Any]:
+        kept = self.kept
+        return {"id": kept.id, "version": kept.version, "requirement": kept.requirement.model_dump(mode="json")}
+
+    @property
     def sentences(self) -> list[str]:
         """What it came to, one sentence each."""
         record, name = self.record, self.kept.name
@@ -83,7 +109,7 @@ class Studied:
         return words
 
     def save(self, folder: str | Path) -> Path:
-        """Write `study.json` and, where there is a swarm, `scenario.yaml` that flies it, into a folder.
+        """Write `study.json`, `report.html` and, where there is a swarm, `scenario.yaml` that flies it, into a folder.
 
         Raises:
             OutputError: It cannot be written.
@@ -93,12 +119,8 @@ class Studied:
             place.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(f"{place}: cannot be made: {error}") from None
-        told = {
-            "id": self.kept.id,
-            "version": self.kept.version,
-            "requirement": self.kept.requirement.model_dump(mode="json"),
-        }
-        write_text(place / "study.json", json.dumps({**told, **self.record}, indent=1) + "\n")
+        write_text(place / "study.json", json.dumps({**self._told(), **self.record}, indent=1) + "\n")
+        self.report(place / "report.html")
         if self.record["scenario"] is not None:
             write_text(place / "scenario.yaml", scenario_text(self.kept))
         return place

@@ -35,7 +35,7 @@ def add(commands: argparse._SubParsersAction) -> None:
     ideas.add_argument("study", nargs="*", metavar="STUDY", help="id of a kept study, the beginning of it, or its name")
     ideas.add_argument("--base", type=Path, metavar="FILE", help="the knowledge base (default: results/ideas.sqlite)")
     ideas.add_argument(
-        "--out", type=Path, metavar="DIR", help="write study.json, and scenario.yaml that flies the swarm"
+        "--out", type=Path, metavar="DIR", help="write study.json, report.html, and scenario.yaml that flies the swarm"
     )
     add_quiet(ideas)
 

@@ -21,6 +21,7 @@ from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.ideas.alternatives import Alternative, Driver, alternatives, drivers
 from swarm_mj.ideas.components import SIZES
 from swarm_mj.ideas.requirement import Requirement
 from swarm_mj.ideas.spacecraft import (
@@ -88,6 +89,8 @@ class Study:
         checks: Requirement by requirement, as flown.
         forbids: Why it cannot be met, and by how much it must be relaxed; empty: it is met.
         relaxed: Ways to change it with which a spacecraft can be built, values by key each; empty likewise.
+        drivers: What each value of the requirement does.
+        alternatives: Spacecraft that no other one beats.
         wall_s: Time that it took [s].
     """
 
@@ -100,6 +103,8 @@ class Study:
     checks: tuple[Check, ...]
     forbids: str
     relaxed: tuple[dict[str, float], ...]
+    drivers: tuple[Driver, ...]
+    alternatives: tuple[Alternative, ...]
     wall_s: float
 
     @property
@@ -187,12 +192,27 @@ def run_study(asked: Requirement, *, first: str = "", say: Said | None = None) -
             continue
         count = int(study.exact.n_observers)
         weight = count * one.mass_kg
-        tried.append(Tried(one.name, one.mass_kg, bound, count, f"{count} observers, {weight:.3g} kg, {words}"))
+        tried.append(
+            Tried(
+                one.name,
+                one.mass_kg,
+                bound,
+                count,
+                f"{count} {'observer' if count == 1 else 'observers'}, {weight:.3g} kg, {words}",
+            )
+        )
         if count <= asked.limits.spacecraft and weight <= allowed and (best is None or (weight, rank) < best[:2]):
             best = weight, rank, one, study
+    tell("which requirement drives?")
+    also: dict[str, Any] = {
+        "drivers": tuple(drivers(asked, scenario, seen)),
+        "alternatives": tuple(alternatives(asked, scenario, seen)),
+    }
     if best is None:
         forbids, relaxed = _forbidden(asked, scenario, seen, tried, built)
-        return Study(asked, seen, tuple(tried), None, None, 0, (), forbids, relaxed, time.perf_counter() - begun)
+        found: dict[str, Any] = {"spacecraft": None, "scenario": None, "observers": 0, "checks": ()}
+        found |= {"forbids": forbids, "relaxed": relaxed, **also, "wall_s": time.perf_counter() - begun}
+        return Study(requirement=asked, encounter=seen, tried=tuple(tried), **found)
     _, _, chosen, study = best
     flown = load_scenario(
         asked.scenario,
@@ -205,9 +225,9 @@ def run_study(asked: Requirement, *, first: str = "", say: Said | None = None) -
     )
     tell(f"{len(study.selected)} of {chosen.name} fly")
     checks = verify(asked, flown, chosen)
-    return Study(
-        asked, seen, tuple(tried), chosen, flown, len(study.selected), checks, "", (), time.perf_counter() - begun
-    )
+    found = {"spacecraft": chosen, "scenario": flown, "observers": len(study.selected), "checks": checks}
+    found |= {"forbids": "", "relaxed": (), **also, "wall_s": time.perf_counter() - begun}
+    return Study(requirement=asked, encounter=seen, tried=tuple(tried), **found)
 
 
 def _design(asked: Requirement, one: Spacecraft) -> tuple[Any, str]:

@@ -97,6 +97,9 @@ def record_of(study: Study) -> dict[str, Any]:
         "checks": [check._asdict() for check in study.checks],
         "forbids": study.forbids,
         "relaxed": list(study.relaxed),
+        "least_kg": min((one.least_kg for one in study.tried if one.least_kg is not None), default=None),
+        "drivers": [one._asdict() for one in study.drivers],
+        "alternatives": [one._asdict() for one in study.alternatives],
         "tried": [{**one._asdict(), "short": one.short if np.isfinite(one.short) else None} for one in study.tried],
         "scenario": None if study.scenario is None else study.scenario.model_dump(mode="json"),
     }

@@ -55,6 +55,29 @@ def test_the_swarm_flies_what_was_asked(study, tmp_path):
     assert flight.scenario.camera.half_angle_deg == shown["half_angle_deg"]
 
 
+def test_the_study_tells_what_drives_it_and_what_else_could_be_chosen(study, tmp_path):
+    drivers, now = study.drivers.set_index("key"), study.record["least_kg"]
+    # The margin of mass multiplies all masses, where nothing else gives way.
+    row = drivers.loc["margins.mass"]
+    assert row["higher"] == pytest.approx(0.24) and row["lower"] == pytest.approx(0.2 / 1.2)
+    assert row["higher_kg"] == pytest.approx(now * 1.24 / 1.2) and row["lower_kg"] == pytest.approx(
+        now * (1.0 + row["lower"]) / 1.2
+    )
+    known = drivers.dropna()
+    swings = known[["lower_kg", "higher_kg"]].max(axis=1).clip(now) - known[["lower_kg", "higher_kg"]].min(axis=1).clip(
+        None, now
+    )
+    assert (swings.diff().dropna() <= 1e-9).all()
+    values = study.alternatives[["resolution_m", "mass_kg", "power_w", "send_h", "least_kg"]].to_numpy()
+    assert len(values) >= 2
+    for one in values:
+        better = (values <= one + 1e-12).all(axis=1) & (values < one - 1e-9).any(axis=1)
+        assert not better.any()
+    page = study.report(tmp_path / "report.html").read_text()
+    assert "meet it, as flown" in page and "default-src 'none'" in page and "<svg" in page
+    assert "http" not in page.replace("http-equiv", "") and "NOT MET" not in page
+
+
 def test_the_papers_requirement_is_proven_impossible_with_its_limit():
     """Ten centimetres of 14.6 km^2 in single pictures: pixels of 4096 x 4096 show 0.168 km^2 each."""
     found = run_study(load_requirement(PAPER))
@@ -135,6 +158,7 @@ def test_the_command_tells_proofs_and_refuses_what_makes_no_sense(tmp_path, caps
     assert main(["ideas", str(file), *base, "--out", str(tmp_path / "out")]) == 1
     told = capsys.readouterr().out
     assert "cannot be met" in told and "87 observers at least" in told and "it takes limits.units = 12" in told
+    assert "87 observers at least" in (tmp_path / "out" / "report.html").read_text()
     assert (tmp_path / "out" / "study.json").exists() and not (tmp_path / "out" / "scenario.yaml").exists()
     assert main(["ideas", "list", *base]) == 0 and "paper" in capsys.readouterr().out
     assert main(["ideas", "show", "paper", *base]) == 1

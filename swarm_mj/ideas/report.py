@@ -1,0 +1,214 @@
+"""The report of a study: one HTML page that fetches nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import resources
+from math import isfinite
+from typing import Any
+
+from swarm_mj.ideas.components import SIZES
+from swarm_mj.reports.markup import Content, Html, table, tag
+
+#: No script, and nothing from elsewhere.
+POLICY = "default-src 'none'; style-src 'unsafe-inline'"
+#: Of drawings: pixels a metre, and the edge around.
+SCALE, EDGE = 700.0, 30.0
+
+
+def study_html(name: str, told: Mapping[str, Any], record: Mapping[str, Any], sentences: list[str]) -> str:
+    """The page of a study.
+
+    Args:
+        name: The requirement's.
+        told: Its id, version, date and requirement.
+        record: What came out, see `knowledge.record_of`.
+        sentences: What it came to in words.
+    """
+    style = (resources.files("swarm_mj.reports") / "page.css").read_text("utf-8")
+    head = [
+        tag("meta", charset="utf-8"),
+        tag("meta", http_equiv="Content-Security-Policy", content=POLICY),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("title", f"swarm_mj: {name}"),
+        tag("style", Html(style)),
+    ]
+    facts = f"study {told['id']} by swarm_mj {told['version']}, scenario {told['requirement']['scenario']}"
+    parts = [
+        _outcome(sentences),
+        _checks(record),
+        _spacecraft(record),
+        _drivers(record),
+        _front(record),
+        _tried(record),
+    ]
+    top = tag("header", tag("div", tag("h1", name), tag("p", facts, class_="soft")))
+    body = [top, tag("main", [part for part in parts if part is not None], _asked(told["requirement"]))]
+    return f"<!DOCTYPE html>\n{tag('html', tag('head', head), tag('body', body), lang='en')}\n"
+
+
+def _section(title: str, *content: Content) -> Html:
+    return tag("section", tag("h2", title), *content)
+
+
+def _outcome(sentences: list[str]) -> Html:
+    return _section("What it came to", [tag("p", words) for words in sentences])
+
+
+def _number(value: Any, digits: int = 4) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.{digits}g}" if isinstance(value, float) and isfinite(value) else str(value)
+
+
+def _checks(record: Mapping[str, Any]) -> Html | None:
+    if not record["checks"]:
+        return None
+    rows = [
+        (
+            c["requirement"],
+            _number(c["asked"]),
+            _number(c["reached"]),
+            c["unit"],
+            "met" if c["met"] else "NOT MET",
+            c["evidence"],
+        )
+        for c in record["checks"]
+    ]
+    head = ("", "asked", "reached", "unit", "", "evidence")
+    return _section("Requirement by requirement", table(head, rows, caption="As flown and as budgeted"))
+
+
+def _spacecraft(record: Mapping[str, Any]) -> Html | None:
+    sized = record["spacecraft"]
+    if sized is None:
+        return None
+    rows: list[tuple[str, ...]] = [
+        (
+            p["name"],
+            _number(p["number"]),
+            _number(p["mass_kg"]),
+            _number(p["volume_u"]),
+            _number(p["power_w"]),
+            p["source"],
+        )
+        for p in sized["parts"]
+    ]
+    whole = _number(sized["mass_kg"]), _number(sized["volume_u"]), _number(sized["power_w"])
+    rows.append(("with margins; power in the mean of a day", "", *whole, f"panels give {sized['panels_give_w']:.3g} W"))
+    head = ("part", "number", "mass [kg]", "volume [U]", "power [W]", "source")
+    budgets = table(head, rows, caption="Budgets, each part without margin")
+    return _section(f"The spacecraft: {sized['kind']}", _drawing(sized), budgets)
+
+
+def _drawing(sized: Mapping[str, Any]) -> Html:
+    """The spacecraft to scale: the face with the lens, and a side with the optics inside and the panels deployed."""
+    a, b, c = SIZES[int(sized["kind"].partition("U")[0])].size_m
+    panels = next((round(p["number"]) for p in sized["parts"] if p["name"] == "panels"), 0)
+    lens, long = (
+        sized["camera"]["aperture_m"],
+        max(sized["camera"]["focal_length_m"] / 3.3, 1.2 * sized["camera"]["aperture_m"]),
+    )
+    line = {"fill": "none", "stroke": "currentColor", "stroke_width": 1.5}
+
+    def box(x: float, y: float, wide: float, high: float, **more: Any) -> Html:
+        return tag("rect", x=x, y=y, width=SCALE * wide, height=SCALE * high, **{**line, **more})
+
+    shapes, wing = [], 0.1 * SCALE
+    aside = (panels + 1) // 2
+    left = EDGE + wing * aside
+    shapes += [box(EDGE + wing * k, EDGE, 0.1, 0.3, fill="#56b4e9", fill_opacity=0.35) for k in range(aside)]
+    shapes.append(box(left, EDGE, b, c))
+    shapes += [
+        box(left + SCALE * b + wing * k, EDGE, 0.1, 0.3, fill="#56b4e9", fill_opacity=0.35)
+        for k in range(panels - aside)
+    ]
+    # The camera looks downwards out of the lower face.
+    shapes.append(
+        box(left + 0.5 * SCALE * (b - lens), EDGE + SCALE * (c - long), lens, long, fill="#e69f00", fill_opacity=0.4)
+    )
+    face = left + SCALE * b + wing * (panels - aside) + 2 * EDGE
+    shapes.append(box(face, EDGE, b, a))
+    middle = {"cx": face + 0.5 * SCALE * b, "cy": EDGE + 0.5 * SCALE * a, "r": 0.5 * SCALE * lens}
+    shapes.append(tag("circle", **{**line, **middle, "fill": "#e69f00", "fill_opacity": 0.4}))
+    foot = EDGE + SCALE * c + 20.0
+    shapes.append(tag("line", x1=EDGE, y1=foot, x2=EDGE + 0.1 * SCALE, y2=foot, stroke="currentColor", stroke_width=2))
+    words = "10 cm; blue: panels, orange: optics; right: the face with the lens"
+    shapes.append(tag("text", words, x=EDGE + 0.1 * SCALE + 8, y=foot + 5, fill="currentColor", font_size=14))
+    width, height = max(face + SCALE * b, EDGE + 0.1 * SCALE + 480.0) + EDGE, foot + EDGE
+    view = f"0 0 {width:.0f} {height:.0f}"
+    return tag(
+        "svg", shapes, viewBox=view, width="100%", style=f"max-width:{width:.0f}px", role="img", aria_label=words
+    )
+
+
+def _drivers(record: Mapping[str, Any]) -> Html | None:
+    rows = record.get("drivers") or []
+    known = [mass for one in rows for mass in (one["lower_kg"], one["higher_kg"]) if mass is not None]
+    if not known:
+        return None
+    low, high, now = min(known), max(known), record["least_kg"]
+    span, step, names, bars = max(high - low, 1e-9), 26.0, 190.0, 420.0
+    shapes: list[Content] = []
+
+    def at(mass: float) -> float:
+        return names + 60.0 + bars * (mass - low) / span
+
+    for k, one in enumerate(rows):
+        y = 20.0 + step * k
+        shapes.append(tag("text", one["key"], x=0, y=y + 5, fill="currentColor", font_size=14))
+        for value, mass, colour, side in (
+            (one["lower"], one["lower_kg"], "#0072b2", "lower"),
+            (one["higher"], one["higher_kg"], "#e69f00", "higher"),
+        ):
+            if mass is None:
+                where = names + (0.0 if side == "lower" else bars + 130.0)
+                shapes.append(tag("text", f"{value:.3g}: none", x=where, y=y + 5, fill=colour, font_size=12))
+            elif now is not None:
+                first, last = sorted((at(mass), at(now)))
+                shapes.append(
+                    tag("rect", x=first, y=y - 7, width=max(last - first, 1.5), height=14, fill=colour, opacity=0.8)
+                )
+    foot = 20.0 + step * len(rows)
+    ticks = [(low, at(low))] if span < 1e-6 else [(low, at(low)), (high, at(high))]
+    shapes += [
+        tag("text", f"{mass:.3g} kg", x=x - 20, y=foot + 8, fill="currentColor", font_size=13) for mass, x in ticks
+    ]
+    words = "Lower bound of the swarm's mass when each value alone is 1.2 times less (blue) or more (orange)"
+    width = names + bars + 220.0
+    drawn = tag(
+        "svg",
+        shapes,
+        viewBox=f"0 0 {width:.0f} {foot + 20:.0f}",
+        width="100%",
+        style=f"max-width:{width:.0f}px",
+        role="img",
+        aria_label=words,
+    )
+    return _section("Which requirement drives", tag("p", words), drawn)
+
+
+def _front(record: Mapping[str, Any]) -> Html | None:
+    rows = [
+        (one["kind"], *(_number(one[key]) for key in ("resolution_m", "mass_kg", "power_w", "send_h", "least_kg")))
+        for one in record.get("alternatives") or []
+    ]
+    head = ("kind", "resolution [m]", "mass [kg]", "power [W]", "on Earth after [h]", "swarm at least [kg]")
+    caption = "No other one is better in resolution, masses, power and time; sized, not flown"
+    return _section("Alternatives", table(head, rows, caption=caption)) if rows else None
+
+
+def _tried(record: Mapping[str, Any]) -> Html:
+    rows = [(one["kind"], _number(one["mass_kg"]), _number(one["least_kg"]), one["words"]) for one in record["tried"]]
+    head = ("kind", "mass [kg]", "swarm at least [kg]", "what was found")
+    return _section("Kinds of spacecraft", table(head, rows, caption="In the order in which they were judged"))
+
+
+def _asked(requirement: Mapping[str, Any]) -> Html:
+    rows = []
+    for key, value in requirement.items():
+        if isinstance(value, dict) and key != "changes":
+            rows += [(f"{key}.{name}", str(inner)) for name, inner in value.items()]
+        else:
+            rows.append((key, str(value)))
+    return _section("The requirement", table(("key", "value"), rows, caption="With defaults"))
