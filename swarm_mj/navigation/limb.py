@@ -229,7 +229,10 @@ def measure_limb(seen: SeenPicture, predictor: Predictor, *, model_px: float = 0
     if solved.misfit > MISFIT:
         return Rejected("limb", "the limb does not look like the model's")
     turn = -seen.pose.C_CA.T @ cross_matrix(believed.pose.to_camera(np.zeros(3)))
-    return Fix("limb", believed.pose.r_A - start, np.eye(3), solved.P, turn, solved.used)
+    # What is left beyond what chance leaves of noise is alike along the limb and across its band.
+    beyond = max(solved.misfit**2 - 1.0 - 3.0 * float(np.sqrt(2.0 / solved.used)), 0.0)
+    P = solved.P * (1.0 + 2.0 * BAND * ALIKE_PX * beyond)
+    return Fix("limb", believed.pose.r_A - start, np.eye(3), P, turn, solved.used)
 
 
 class _Fitted(NamedTuple):
@@ -291,7 +294,7 @@ def _match_pixels(
     if not gain > LEAST_GAIN:
         return Rejected("limb", "the picture is not as bright as the model's")
     C = seen.pose.C_CA
-    misfit = float(np.sqrt(np.mean(residual[used] ** 2 / variance[used])))
+    misfit = float(np.sqrt(np.mean(residual[used] ** 2 / (variance + (model_px * slope) ** 2)[used])))
     P = C.T @ P4[1:, 1:] @ C / gain**2
     return _Fitted(C.T @ fit[1:] / gain, 0.5 * (P + P.T), int(used.sum()), misfit)
 
