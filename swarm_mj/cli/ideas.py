@@ -90,5 +90,11 @@ def _table(title: str, rows: pd.DataFrame) -> Table:
     for name in rows.columns:
         table.add_column(escape(str(name)), overflow="fold")
     for _, row in rows.astype(object).iterrows():
-        table.add_row(*(escape(f"{value:.5g}" if isinstance(value, float) else str(value)) for value in row))
+        table.add_row(*(escape(_shown(value)) for value in row))
     return table
+
+
+def _shown(value: Any) -> str:
+    if value is None or value != value:
+        return "-"
+    return f"{value:.5g}" if isinstance(value, float) else str(value)

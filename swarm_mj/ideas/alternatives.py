@@ -96,7 +96,7 @@ def drivers(asked: Requirement, scenario: Scenario, seen: Encounter) -> list[Dri
     """What each value alone does to the lightest swarm, the strongest first."""
     found = []
     for key in DRIVERS:
-        value = _value(asked, key)
+        value = value_of(asked, key)
         if value == 0.0:
             continue
         ends = [value / CHANGE, value * CHANGE]
@@ -106,7 +106,7 @@ def drivers(asked: Requirement, scenario: Scenario, seen: Encounter) -> list[Dri
             ends[1] = min(ends[1], 1.0)
         if key == "margins.relief":
             ends[0] = max(ends[0], 1.0)
-        lower, higher = (_lightest(_changed(asked, key, end), scenario, seen) for end in ends)
+        lower, higher = (_lightest(changed(asked, key, end), scenario, seen) for end in ends)
         found.append(Driver(key, value, ends[0], lower, ends[1], higher))
     now = _lightest(asked, scenario, seen)
     return sorted(found, key=lambda one: -_swing(one, now))
@@ -128,12 +128,14 @@ def _lightest(asked: Requirement, scenario: Scenario, seen: Encounter) -> float 
     return min(masses, default=None)
 
 
-def _value(asked: Requirement, key: str) -> float:
+def value_of(asked: Requirement, key: str) -> float:
+    """A number of a requirement by its dotted key."""
     section, _, name = key.rpartition(".")
     return float(getattr(getattr(asked, section) if section else asked, name))
 
 
-def _changed(asked: Requirement, key: str, value: float) -> Requirement:
+def changed(asked: Requirement, key: str, value: float) -> Requirement:
+    """A requirement with another number at a dotted key."""
     section, _, name = key.rpartition(".")
     if not section:
         return asked.model_copy(update={name: value})

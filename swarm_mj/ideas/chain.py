@@ -21,7 +21,7 @@ from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.ideas.alternatives import Alternative, Driver, alternatives, drivers
+from swarm_mj.ideas.alternatives import Alternative, Driver, alternatives, changed, drivers, value_of
 from swarm_mj.ideas.components import SIZES
 from swarm_mj.ideas.requirement import Requirement
 from swarm_mj.ideas.spacecraft import (
@@ -37,10 +37,10 @@ from swarm_mj.scenarios.constants import AU
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
 
-#: Finest share by which a relaxed resolution or number is told.
+#: Share to which a value is relaxed.
 FINE = 0.01
-#: Coarsest resolution that is tried, over what is asked.
-COARSEST = 1e4
+#: Values that are relaxed, by what factor at most, and in how many steps that is looked for.
+EASED, STEPS = {"resolution_m": 1e4, "deliver_within_h": 1e3, "contact_h": 1.0 / 16.0, "min_snr": 1e-2}, 13
 Said = Callable[[str], None]
 
 
@@ -281,7 +281,11 @@ def _forbidden(
     nearest = min(tried, key=lambda one: (ORDER.index(one.words.partition(":")[0]), one.short))
     ways = _relaxations(asked, scenario, seen)
     told = " or ".join(" with ".join(f"{key} = {value:.4g}" for key, value in way.items()) for way in ways)
-    remedy = f"it takes {told}" if told else "neither a coarser resolution, more spacecraft nor larger ones alone help"
+    remedy = (
+        f"it takes {told}"
+        if told
+        else f"nor does it help to relax {', '.join(EASED)}, limits.spacecraft or limits.units"
+    )
     return (
         f"no spacecraft among {len(tried)} kinds can be built for it ({', '.join(causes)}); the nearest, {nearest.kind}: "
         f"{nearest.words}; {remedy}",
@@ -299,10 +303,10 @@ def _relaxations(asked: Requirement, scenario: Scenario, seen: Encounter) -> lis
         )
         if _feasible(given, scenario, seen):
             return [larger]
-        coarser, more = _coarsened(given, scenario, seen), _more_spacecraft(given, scenario, seen)
-        ways = [{"resolution_m": coarser} if coarser else None, {"limits.spacecraft": more} if more else None]
-        if any(ways):
-            return [larger | way for way in ways if way]
+        ways = {key: _eased(given, key, most, scenario, seen) for key, most in EASED.items()}
+        ways["limits.spacecraft"] = _more_spacecraft(given, scenario, seen)
+        if any(ways.values()):
+            return [{**larger, key: value} for key, value in ways.items() if value]
     return []
 
 
@@ -314,20 +318,21 @@ def _feasible(asked: Requirement, scenario: Scenario, seen: Encounter) -> bool:
     return any(isinstance(found, Spacecraft) for *_, found in spacecraft_options(asked, scenario, seen))
 
 
-def _coarsened(asked: Requirement, scenario: Scenario, seen: Encounter) -> float | None:
-    """The finest resolution for which a spacecraft can be built, to a hundredth; None: there is none."""
-    high = next((k for k in np.geomspace(1.0, COARSEST, 25) if _feasible(_at(asked, k), scenario, seen)), None)
-    if high is None or high == 1.0:
+def _eased(asked: Requirement, key: str, most: float, scenario: Scenario, seen: Encounter) -> float | None:
+    """The least change of a value with which a spacecraft can be built, to a hundredth; None: there is none up to a factor."""
+
+    def helps(times: float) -> bool:
+        return _feasible(changed(asked, key, value_of(asked, key) * times), scenario, seen)
+
+    steps = np.geomspace(1.0, most, STEPS)
+    k = next((k for k in range(1, STEPS) if helps(float(steps[k]))), None)
+    if k is None:
         return None
-    low = high / COARSEST ** (1.0 / 24.0)
-    while high / low > 1.0 + FINE:
+    low, high = float(steps[k - 1]), float(steps[k])
+    while abs(np.log(high / low)) > FINE:
         middle = sqrt(low * high)
-        low, high = (low, middle) if _feasible(_at(asked, middle), scenario, seen) else (middle, high)
-    return float(asked.resolution_m * high)
-
-
-def _at(asked: Requirement, times: float) -> Requirement:
-    return asked.model_copy(update={"resolution_m": asked.resolution_m * float(times)})
+        low, high = (low, middle) if helps(middle) else (middle, high)
+    return value_of(asked, key) * high
 
 
 def _more_spacecraft(asked: Requirement, scenario: Scenario, seen: Encounter) -> float | None:
