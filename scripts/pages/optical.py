@@ -296,6 +296,7 @@ def flights() -> list[str]:
     rows = []
     for title, changes in FLIGHTS.items():
         name, took, flown = title.split(",")[0], [], []
+        sm.fly(name, changes)  # compiles what there is to compile
         for mode in ("assumed", "optical"):
             begun = time.perf_counter()
             flown.append(sm.fly(name, {**changes, "navigation.mode": mode}))
