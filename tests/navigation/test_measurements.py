@@ -112,6 +112,7 @@ def test_horizons_of_ellipsoids_err_no_more_than_they_say():
         r_A, C_CA, sun_A = geometry(rng, studio.distance(90.0), rng.uniform(0.5, 1.8), 0.01)
         off = 1e-3 * np.linalg.norm(r_A) * rng.normal(size=3)
         fix = measure_horizon(studio.shot(r_A, C_CA, sun_A, rng, r_A + off), studio.predictor, axes)
+        assert isinstance(fix, Fix), fix
         error = fix.y + off
         assert error @ np.linalg.solve(fix.R, error) < chi2.isf(CHANCE, 3)
 

@@ -108,6 +108,12 @@ def test_what_cannot_be_flown_to_is_kept_with_its_reasons(monkeypatch):
     flown = counted(monkeypatch)
     second = pytest.raises(Unreachable, visibility.visibility, asked, workers=1).value
     assert not flown and (str(first), first.left_out) == (str(second), second.left_out)
+    why = {"left_out": np.array([3, 8]), "why": np.array(["too far", "inside the body"]), "refused": np.array("none")}
+    keep(asked, why)
+    found = kept(asked)
+    assert found is not None
+    told = pytest.raises(Unreachable, flights_from, asked, found).value
+    assert str(told) == "none" and told.left_out == {3: "too far", 8: "inside the body"}
 
 
 def test_flights_depend_on_the_scenario_its_files_and_the_program(arrays, tmp_path, monkeypatch):
