@@ -28,6 +28,7 @@ from swarm_mj.ideas.spacecraft import (
     Encounter,
     Refusal,
     Spacecraft,
+    kind_of,
     least_observers,
     spacecraft_options,
 )
@@ -131,10 +132,12 @@ def encounter_of(asked: Requirement) -> tuple[Scenario, Encounter]:
     flown = deployment.destination_N - deployment.release_r_N
     way = flown / (deployment.arrival_s - deployment.release_s)[:, None]
     # Over the ground: the body turns under the swarm.
-    ground = np.cross(environment.spin_N, plan.region.centroid_A.mean(axis=0) @ environment.C_AN(t))
+    middle = plan.region.centroid_A.mean(axis=0)
+    ground = np.cross(environment.spin_N, middle @ environment.C_AN(t))
     speed = float(np.linalg.norm(way - ground, axis=1).mean())
     return scenario, Encounter(
         area_m2=float(plan.region.total_area),
+        extent_m=2.0 * float(np.linalg.norm(plan.region.centroid_A - middle, axis=1).max()),
         speed=speed,
         altitude_m=scenario.design.imaging_altitude_m,
         sun_m=float(np.linalg.norm(environment.sun.at(t))),
@@ -161,7 +164,7 @@ def run_study(asked: Requirement, *, first: str = "", say: Said | None = None) -
     options = list(spacecraft_options(asked, scenario, seen))
     tried = [
         Tried(
-            f"{size.units}U at {altitude:,.0f} m with a {detector.name} detector",
+            kind_of(size, altitude, detector),
             None,
             None,
             None,

@@ -73,6 +73,8 @@ def record_of(study: Study) -> dict[str, Any]:
         payload = one.payload
         sized = {
             "kind": one.name,
+            "size_m": list(one.size.size_m),
+            "panels": one.panels,
             "mass_kg": one.mass_kg,
             "volume_u": one.volume_u,
             "power_w": one.power_w,
@@ -82,6 +84,7 @@ def record_of(study: Study) -> dict[str, Any]:
             "camera": {
                 "aperture_m": payload.aperture_m,
                 "focal_length_m": payload.focal_m,
+                "length_m": payload.length_m,
                 "pixel_rad": payload.pixel_rad,
                 "half_angle_deg": payload.half_angle_deg,
                 "exposure_s": payload.exposure_s,

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import resources
 from math import isfinite
 from typing import Any
 
-from swarm_mj.ideas.components import SIZES
-from swarm_mj.reports.markup import Content, Html, table, tag
+from swarm_mj.reports.markup import Content, Html, document, table, tag
 
 #: No script, and nothing from elsewhere.
 POLICY = "default-src 'none'; style-src 'unsafe-inline'"
@@ -25,14 +23,6 @@ def study_html(name: str, told: Mapping[str, Any], record: Mapping[str, Any], se
         record: What came out, see `knowledge.record_of`.
         sentences: What it came to in words.
     """
-    style = (resources.files("swarm_mj.reports") / "page.css").read_text("utf-8")
-    head = [
-        tag("meta", charset="utf-8"),
-        tag("meta", http_equiv="Content-Security-Policy", content=POLICY),
-        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        tag("title", f"swarm_mj: {name}"),
-        tag("style", Html(style)),
-    ]
     facts = f"study {told['id']} by swarm_mj {told['version']}, scenario {told['requirement']['scenario']}"
     parts = [
         _outcome(sentences),
@@ -44,7 +34,7 @@ def study_html(name: str, told: Mapping[str, Any], record: Mapping[str, Any], se
     ]
     top = tag("header", tag("div", tag("h1", name), tag("p", facts, class_="soft")))
     body = [top, tag("main", [part for part in parts if part is not None], _asked(told["requirement"]))]
-    return f"<!DOCTYPE html>\n{tag('html', tag('head', head), tag('body', body), lang='en')}\n"
+    return document(f"swarm_mj: {name}", POLICY, body)
 
 
 def _section(title: str, *content: Content) -> Html:
@@ -103,12 +93,8 @@ def _spacecraft(record: Mapping[str, Any]) -> Html | None:
 
 def _drawing(sized: Mapping[str, Any]) -> Html:
     """The spacecraft to scale: the face with the lens, and a side with the optics inside and the panels deployed."""
-    a, b, c = SIZES[int(sized["kind"].partition("U")[0])].size_m
-    panels = next((round(p["number"]) for p in sized["parts"] if p["name"] == "panels"), 0)
-    lens, long = (
-        sized["camera"]["aperture_m"],
-        max(sized["camera"]["focal_length_m"] / 3.3, 1.2 * sized["camera"]["aperture_m"]),
-    )
+    (a, b, c), panels = sized["size_m"], sized["panels"]
+    lens, long = sized["camera"]["aperture_m"], sized["camera"]["length_m"]
     line = {"fill": "none", "stroke": "currentColor", "stroke_width": 1.5}
 
     def box(x: float, y: float, wide: float, high: float, **more: Any) -> Html:

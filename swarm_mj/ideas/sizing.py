@@ -5,7 +5,7 @@ Wertz, Everett and Puschell, Space Mission Engineering: The New SMAD (2011), is 
 
 from __future__ import annotations
 
-from math import ceil, exp, log, sqrt
+from math import ceil, exp, sqrt
 
 from swarm_mj.scenarios.constants import AU, SOLAR_IRRADIANCE, STANDARD_GRAVITY
 from swarm_mj.scenarios.coverage_relations import RAYLEIGH
@@ -45,9 +45,9 @@ def optics_length(focal_m: float, aperture_m: float) -> float:
     return max(focal_m / 3.3, 1.2 * aperture_m)
 
 
-def smear_exposure(resolution_m: float, blur_px: float, ground_speed: float) -> float:
-    """Longest exposure [s] in which the ground moves by a share of a pixel under a camera that does not turn along."""
-    return blur_px * resolution_m / ground_speed
+def smear_exposure(pixel_m: float, blur_px: float, ground_speed: float) -> float:
+    """Longest exposure [s] in which the ground moves by so many pixels under a camera that does not turn along."""
+    return blur_px * pixel_m / ground_speed
 
 
 def pictures_needed(area_m2: float, pixels: int, resolution_m: float) -> int:
@@ -74,11 +74,6 @@ def turning(inertia: float, angle_rad: float, time_s: float) -> tuple[float, flo
 def propellant(dry_kg: float, delta_v: float, specific_impulse_s: float) -> float:
     """Mass that a change of velocity uses up [kg], by the rocket equation."""
     return dry_kg * (exp(delta_v / (STANDARD_GRAVITY * specific_impulse_s)) - 1.0)
-
-
-def delta_v_of(wet_kg: float, propellant_kg: float, specific_impulse_s: float) -> float:
-    """Change of velocity of a tank [m/s]."""
-    return STANDARD_GRAVITY * specific_impulse_s * log(wet_kg / (wet_kg - propellant_kg))
 
 
 def panel_power(area_m2: float, efficiency: float, sun_distance_m: float, kept: float) -> float:

@@ -40,16 +40,23 @@ from swarm_mj.ideas.components import (
     WheelSet,
 )
 from swarm_mj.ideas.requirement import Requirement
+from swarm_mj.io import interruption
 from swarm_mj.observation.photometry import Surface, radiance_factor
 from swarm_mj.observation.radiometry import electrons, signal_to_noise
-from swarm_mj.scenarios.constants import AU
-from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.constants import AU, GREEN_LIGHT_M
+from swarm_mj.scenarios.schema import Scenario, Wheel
 from swarm_mj.scenarios.schema_imaging import Camera
 
 #: Wheels of a spacecraft; and how much more torque and momentum they have than they need.
 WHEEL_COUNT, WHEEL_RESERVE = 3, 1.25
-#: Wavelength for which lenses are made [m], and angles at which the signal is told: incidence, emission, phase [deg].
-GREEN_M, LIT_AT_DEG = 550e-9, (45.0, 30.0, 60.0)
+#: Angles at which the signal is told: incidence, emission, phase [deg].
+LIT_AT_DEG = (45.0, 30.0, 60.0)
+#: Smallest lens, narrowest barrel [m] and fastest focal ratio that are made here, and how many lenses are tried in between.
+SMALLEST_LENS_M, BARREL_M, FASTEST, LENSES = 0.01, 0.05, 1.4, 12
+#: Longest exposure, as `camera.exposure_s` allows [s], and shortest pulse of thrusters, as that of `Thrusters` [s].
+LONGEST_S, PULSE_S = 60.0, 0.01
+#: Most batteries of a spacecraft; and more panels than any carries, to tell how many are needed.
+MOST_BATTERIES, MANY_PANELS = 20, 1000
 #: Hottest that electronics may be, and what its sides emit, for the bound on power [K, -].
 HOT_K, EMISSIVITY = 313.0, 0.8
 #: Widest half-angle of a lens [deg].
@@ -63,6 +70,7 @@ class Encounter(NamedTuple):
 
     Attributes:
         area_m2: Of the target.
+        extent_m: Of the target, from its middle to both sides.
         speed: Of the spacecraft over it at the arrival [m/s].
         altitude_m: The scenario's.
         sun_m: Distance of the body from the Sun.
@@ -72,6 +80,7 @@ class Encounter(NamedTuple):
     """
 
     area_m2: float
+    extent_m: float
     speed: float
     altitude_m: float
     sun_m: float
@@ -81,16 +90,16 @@ class Encounter(NamedTuple):
 
 
 class Payload(NamedTuple):
-    """A camera for a resolution from an altitude."""
+    """A camera for a resolution from an altitude; masses and volumes with its detector."""
 
     altitude_m: float
     detector: Detector
-    pixel_rad: float
+    pixel_rad: float  #: angle of a pixel [rad]
     aperture_m: float
-    focal_m: float
-    length_m: float
+    focal_m: float  #: focal length [m]
+    length_m: float  #: of the optics, folded [m]
     exposure_s: float
-    snr: float
+    snr: float  #: signal to noise at `LIT_AT_DEG` [-]
     mass_kg: float
     volume_u: float
     half_angle_deg: float
@@ -125,6 +134,11 @@ class Row(NamedTuple):
     volume_u: float
     power_w: float
     source: str
+
+
+def kind_of(size: Size, altitude_m: float, detector: Detector) -> str:
+    """What a kind of spacecraft is called."""
+    return f"{size.units}U at {altitude_m:,.0f} m with a {detector.name} detector"
 
 
 @dataclass(frozen=True)
@@ -168,25 +182,37 @@ class Spacecraft:
     @property
     def name(self) -> str:
         """Size, altitude and detector."""
-        return f"{self.size.units}U at {self.payload.altitude_m:,.0f} m with a {self.payload.detector.name} detector"
+        return kind_of(self.size, self.payload.altitude_m, self.payload.detector)
 
     def changes(self, asked: Requirement) -> dict[str, Any]:
         """Values of a scenario by dotted key that fly it."""
-        payload, wheel = self.payload, self.wheels
-        speed = 6000.0 * pi / 30.0
-        found: dict[str, Any] = {
+        payload, wheel, usual, propulsion = self.payload, self.wheels, Wheel(), self.propulsion
+        # Of a shape and speed like those of the scenarios' own.
+        inertia = wheel.momentum_n_m_s / (usual.max_speed_rpm * pi / 30.0)
+        flat = usual.transverse_inertia_kg_m2 / usual.spin_inertia_kg_m2
+        return {
+            "spacecraft.mjcf": None,
+            "spacecraft.wheel_layout": "orthogonal",
             "spacecraft.mass_kg": round(self.mass_kg, 4),
             "spacecraft.size_m": list(self.size.size_m),
             "spacecraft.wheel.mass_kg": wheel.mass_kg,
             "spacecraft.wheel.max_torque_n_m": wheel.torque_n_m,
-            "spacecraft.wheel.spin_inertia_kg_m2": wheel.momentum_n_m_s / speed,
-            "spacecraft.wheel.transverse_inertia_kg_m2": 0.65 * wheel.momentum_n_m_s / speed,
+            "spacecraft.wheel.spin_inertia_kg_m2": inertia,
+            "spacecraft.wheel.transverse_inertia_kg_m2": flat * inertia,
+            "spacecraft.thrusters": None
+            if propulsion is None
+            else {
+                "thrust_n": propulsion.thrust_n,
+                "specific_impulse_s": propulsion.specific_impulse_s,
+                "propellant_kg": self.propellant_kg,
+                "min_impulse_bit_n_s": PULSE_S * propulsion.thrust_n,
+            },
             # The whole section: nothing of the scenario's camera is left.
             "camera": {
                 "half_angle_deg": payload.half_angle_deg,
                 "detector_ifov_rad": payload.pixel_rad,
                 "aperture_m": payload.aperture_m,
-                "wavelength_m": GREEN_M,
+                "wavelength_m": GREEN_LIGHT_M,
                 "quantum_efficiency": payload.detector.quantum_efficiency,
                 "read_noise": payload.detector.read_noise,
             },
@@ -196,23 +222,16 @@ class Spacecraft:
             "designer.tolerance_percent": round(100.0 - asked.share_percent, 9),
             "link.earth.radio": self.link.radio,
         }
-        if self.propulsion is not None:
-            found["spacecraft.thrusters"] = {
-                "thrust_n": self.propulsion.thrust_n,
-                "specific_impulse_s": self.propulsion.specific_impulse_s,
-                "propellant_kg": self.propellant_kg,
-            }
-        return found
 
 
 def payload_for(
     asked: Requirement, seen: Encounter, size: Size, altitude_m: float, detector: Detector
 ) -> Payload | Refusal:
-    """The camera that a resolution needs from an altitude, with the largest lens it can use; or what forbids it."""
+    """The camera that a resolution needs from an altitude, with the smallest lens that does; or what forbids it."""
     pixel = sizing.pixel_angle(asked.resolution_m, altitude_m, asked.margins.relief)
     # Nearer by, a longer lens than the resolution needs: wide ones distort, and dim towards their edges.
     pixel = min(pixel, 2.0 * tan(radians(WIDEST_DEG)) / detector.pixels)
-    needed = sizing.aperture(pixel, GREEN_M)
+    needed = sizing.aperture(pixel, GREEN_LIGHT_M)
     if needed > size.aperture_m:
         return Refusal(
             "diffraction",
@@ -222,24 +241,25 @@ def payload_for(
             f"lens of {1e3 * needed:.3g} mm; {size.units}U take {1e3 * size.aperture_m:g} mm",
         )
     focal = sizing.focal_length(pixel, detector.pitch_m)
-    # A lens no faster than f/1.4, which small cameras are.
-    least = max(needed, 0.01)
-    most = min(size.aperture_m, focal / 1.4)
+    least, most = max(needed, SMALLEST_LENS_M), min(size.aperture_m, focal / FASTEST)
     if most < needed:
         return Refusal(
-            "lens", most, needed, f"its lens would be faster than f/1.4: {1e3 * needed:.3g} mm of {1e3 * focal:.3g} mm"
+            "lens",
+            most,
+            needed,
+            f"its lens would be faster than f/{FASTEST:g}: {1e3 * needed:.3g} mm of {1e3 * focal:.3g} mm",
         )
-    exposure = sizing.smear_exposure(asked.resolution_m, asked.max_blur_px, max(seen.speed, 1e-6))
+    exposure = min(sizing.smear_exposure(pixel * altitude_m, asked.max_blur_px, max(seen.speed, 1e-6)), LONGEST_S)
     reached, aperture = 0.0, least
     mu0, mu, phase = (float(np.cos(np.radians(angle))) for angle in LIT_AT_DEG)
-    for aperture in np.geomspace(least, max(most, least), 12):
+    for aperture in np.geomspace(least, max(most, least), LENSES):
         camera = Camera(
             half_angle_deg=1.0,
             aperture_m=float(aperture),
-            wavelength_m=GREEN_M,
+            wavelength_m=GREEN_LIGHT_M,
             quantum_efficiency=detector.quantum_efficiency,
             read_noise=detector.read_noise,
-            exposure_s=min(exposure, 60.0),
+            exposure_s=exposure,
         )
         light = electrons(camera, pixel, np.array([radiance_factor(seen.surface, mu0, mu, phase)]), seen.sun_m)
         reached = float(signal_to_noise(camera, light)[0])
@@ -262,7 +282,7 @@ def payload_for(
             f"optics of f = {1e3 * focal:,.0f} mm are {1e3 * length:.3g} mm long, {size.units}U have "
             f"{1e3 * size.length_m:g} mm",
         )
-    volume = (max(float(aperture) + 0.01, 0.05) ** 2 * length) / 1e-3
+    volume = max(float(aperture) + 0.01, BARREL_M) ** 2 * length / 1e-3
     return Payload(
         altitude_m,
         detector,
@@ -270,7 +290,7 @@ def payload_for(
         float(aperture),
         focal,
         length,
-        min(exposure, 60.0),
+        exposure,
         reached,
         sizing.optics_mass(float(aperture)) + detector.mass_kg,
         volume + detector.volume_u,
@@ -278,18 +298,20 @@ def payload_for(
     )
 
 
-def pictures_in_passage(asked: Requirement, seen: Encounter, altitude_m: float) -> int:
-    """Pictures of a spacecraft while the target is near enough: as far off as the reserve for slant ranges reaches."""
+def pictures_in_passage(asked: Requirement, seen: Encounter, payload: Payload) -> int:
+    """Pictures of a spacecraft, at most, that can show any of the target at the resolution, on a straight path."""
     if seen.interval_s <= 0.0:
         return 1
-    chord = 2.0 * altitude_m * sqrt(asked.margins.relief**2 - 1.0)
+    # As far off as a pixel still samples the ground finely enough.
+    reach = max(asked.resolution_m / payload.pixel_rad, payload.altitude_m)
+    chord = 2.0 * sqrt(reach**2 - payload.altitude_m**2) + seen.extent_m
     return 1 + int(chord / max(seen.speed, 1e-9) / seen.interval_s)
 
 
 def least_observers(asked: Requirement, seen: Encounter, payload: Payload) -> int:
     """Observers without which the target cannot be sampled, whatever their paths: by the pixels of all their pictures."""
     pictures = _pictures_needed(asked, seen, payload)
-    return max(1, ceil(pictures / pictures_in_passage(asked, seen, payload.altitude_m) - 1e-9))
+    return max(1, ceil(pictures / pictures_in_passage(asked, seen, payload) - 1e-9))
 
 
 def _pictures_needed(asked: Requirement, seen: Encounter, payload: Payload) -> int:
@@ -319,7 +341,7 @@ def size_spacecraft(
             f"turns need {1e3 * momentum:.3g} mN m s and {1e3 * torque:.3g} mN m of a wheel, the largest ({largest.name}) has "
             f"{1e3 * largest.momentum_n_m_s:g} and {1e3 * largest.torque_n_m:g}",
         )
-    pictures = pictures_in_passage(asked, seen, payload.altitude_m)
+    pictures = pictures_in_passage(asked, seen, payload)
     kept = min(pictures, ceil(asked.margins.overlap * _pictures_needed(asked, seen, payload)))
     bits = kept * payload.detector.pixels**2 * scenario.data.bits_per_pixel / scenario.data.compression
     share, g_over_t = asked.contact_h / 24.0, max(s.g_over_t_db_k for s in stations_from(scenario.link.ground))
@@ -440,7 +462,7 @@ def _lightest(
             sizing.radiated_power(size.size_m, HOT_K, EMISSIVITY) - bus_w,
         ),
     ]
-    most = row(one_w, one_l, float(size.panels), 20.0)
+    most = row(one_w, one_l, float(size.panels), float(MOST_BATTERIES))
     constraints = [LinearConstraint(np.atleast_2d(a), low, high) for a, low, high in rows]
     answer = solve_program(grown * mass, constraints, None, most=most)
     if answer.x is None:
@@ -526,7 +548,7 @@ KEPT = (
 def _lacking(objective: Any, constraints: list[LinearConstraint], most: Any, size: Size) -> str:
     """Which one limit, left out, would give the program a solution."""
     more = most.copy()
-    more[-2] = 1000.0
+    more[-2] = MANY_PANELS
     free = solve_program(objective, constraints, None, most=more)
     if free.x is not None:
         return f"{free.x[-2]:.0f} panels are needed, {size.units}U carry {size.panels}"
@@ -569,6 +591,7 @@ def spacecraft_options(
     for units in asked.limits.units:
         for altitude in altitudes_for(asked, seen):
             for detector in DETECTORS:
+                interruption.check()
                 size = SIZES[units]
                 payload = payload_for(asked, seen, size, altitude, detector)
                 if isinstance(payload, Refusal):
@@ -577,10 +600,11 @@ def spacecraft_options(
                 least = least_observers(asked, seen, payload)
                 if least > asked.limits.spacecraft:
                     shown = (detector.pixels * asked.resolution_m) ** 2 / 1e6
+                    count = pictures_in_passage(asked, seen, payload)
                     words = (
                         f"{detector.pixels} x {detector.pixels} pixels of {asked.resolution_m:g} m show {shown:.3g} km^2, the "
                         f"target has {seen.area_m2 / 1e6:.4g} km^2, and a passage gives "
-                        f"{pictures_in_passage(asked, seen, altitude)} pictures: {least} observers at least, "
+                        f"{count} {'picture' if count == 1 else 'pictures'}: {least} observers at least, "
                         f"{asked.limits.spacecraft} are allowed"
                     )
                     yield size, altitude, detector, Refusal("pixels", asked.limits.spacecraft, least, words)

@@ -275,8 +275,8 @@ def _position(seen: SeenPicture, found: Found, floor_px: float) -> tuple[Array, 
             if ratio > 1.0:
                 return dr, ratio * 0.5 * (P + P.T), len(chosen)
             each = ratio * found.covariance[chosen] + floor_px**2 * np.eye(2)
-            K = P @ np.einsum("nki,nkl->inl", A, weight).reshape(3, -1)
-            spread = np.einsum("inl,nlm,jnm->ij", *(K.reshape(3, -1, 2), each, K.reshape(3, -1, 2)))
+            K = np.einsum("ij,nkj,nkl->inl", P, A, weight)
+            spread = np.einsum("inl,nlm,jnm->ij", K, each, K)
             return dr, 0.5 * (spread + spread.T), len(chosen)
         chosen = chosen[kept]
     return Rejected("landmarks", "no landmarks agree")

@@ -73,6 +73,8 @@ LIT_SHARE = 0.1
 FAR_OFF, LEAST_GAIN = 6.0, 0.2
 #: Root mean square of the residuals over the noise beyond which the picture is not believed to be one of the model.
 MISFIT = 30.0
+#: By how many standard deviations the mean square of residuals may exceed that of noise by chance.
+BY_CHANCE = 3.0
 
 
 class Edges(NamedTuple):
@@ -230,7 +232,7 @@ def measure_limb(seen: SeenPicture, predictor: Predictor, *, model_px: float = 0
         return Rejected("limb", "the limb does not look like the model's")
     turn = -seen.pose.C_CA.T @ cross_matrix(believed.pose.to_camera(np.zeros(3)))
     # What is left beyond what chance leaves of noise is alike along the limb and across its band.
-    beyond = max(solved.misfit**2 - 1.0 - 3.0 * float(np.sqrt(2.0 / solved.used)), 0.0)
+    beyond = max(solved.misfit**2 - 1.0 - BY_CHANCE * float(np.sqrt(2.0 / solved.used)), 0.0)
     P = solved.P * (1.0 + 2.0 * BAND * ALIKE_PX * beyond)
     return Fix("limb", believed.pose.r_A - start, np.eye(3), P, turn, solved.used)
 

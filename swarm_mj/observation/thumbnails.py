@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from swarm_mj.compilation import jittable, kernel
 from swarm_mj.observation.camera import CameraModel
-from swarm_mj.observation.photometry import Law, Surface, radiance_factor
+from swarm_mj.observation.photometry import Surface, radiance_factor, surface_of
 from swarm_mj.observation.raster import NEAREST, Canvas, Mesh, View, draw_faces, make_canvas, make_mesh
 from swarm_mj.observation.shadows import SunMap, draw_from_sun, frame, is_lit, make_sun_map, turn_to
+from swarm_mj.scenarios.schema_photometry import Photometry
 from swarm_mj.typing import Array, Array32, Mask
 
 #: Pixels along a side unless said otherwise.
@@ -26,7 +27,7 @@ SIDE_PX = 64
 #: Places along a side of the map from the Sun, which holds the whole body.
 SUN_SIDE = 512
 #: What reflects as the cosine of incidence.
-PLAIN = Surface(Law.LAMBERT.value, 1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 1.0, 0.0, 1.0)
+PLAIN = surface_of(Photometry(law="lambert", albedo=1.0))
 
 
 class Thumbnails(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from types import TracebackType
 from typing import Self
 
@@ -148,8 +149,6 @@ class Drawing:
         self._canvas = Canvas(self._model, width, height)
         self._ruler = Lettering(np.zeros((height, width, 3), np.uint8))
         self._corners: dict[str, Corner] = {}
-        sides = {box.width for box in self._layout.cameras.values()}
-        self._beliefs = BeliefOverlay(plan, sides.pop()) if sides else None
         self._line_scale = max(1.0, height / NOMINAL_HEIGHT)
 
     def draw(self, instant: Instant) -> Pixels:
@@ -209,6 +208,11 @@ class Drawing:
         self._canvas.view(view.camera(), box, spacecraft=False, decorate=add)
         return box
 
+    @cached_property
+    def _beliefs(self) -> BeliefOverlay:
+        """Over the pictures of cameras, which are all of one size."""
+        return BeliefOverlay(self._plan, next(iter(self._layout.cameras.values())).width)
+
     @property
     def _length_m(self) -> float:
         """Of a spacecraft as it is drawn."""
@@ -235,7 +239,7 @@ class Drawing:
         belief = instant.belief
         for j, view in cameras.items():
             _shade_outside(pixels, view.box, self._plan.scenario.camera.sides)
-            if belief is not None and self._beliefs is not None:
+            if belief is not None:
                 pose = instant.r_BN_N[j], instant.cameras[j], instant.C_AN
                 pixels = self._beliefs.draw(pixels, view, belief, j, *pose)
         lettering, names = Lettering(pixels), self._plan.names

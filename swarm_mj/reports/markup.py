@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from importlib import resources
 
 #: Elements without a closing tag.
 VOID = {"input", "meta", "br"}
+#: The style of reports, a file of this room.
+STYLE = "page.css"
 
 
 class Html(str):
@@ -44,6 +47,23 @@ def _attribute(key: str, value: str | float | bool | None) -> str:
         return ""
     name = key.rstrip("_").replace("_", "-")
     return f" {name}" if value is True else f' {name}="{escape(str(value))}"'
+
+
+def own(name: str) -> str:
+    """The text of a file of this room."""
+    return (resources.files("swarm_mj.reports") / name).read_text("utf-8")
+
+
+def document(title: str, policy: str, body: Content) -> str:
+    """A whole page in the style of reports, under a content security policy."""
+    head = [
+        tag("meta", charset="utf-8"),
+        tag("meta", http_equiv="Content-Security-Policy", content=policy),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("title", title),
+        tag("style", Html(own(STYLE))),
+    ]
+    return f"<!DOCTYPE html>\n{tag('html', tag('head', head), tag('body', body), lang='en')}\n"
 
 
 def table(

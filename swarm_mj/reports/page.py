@@ -11,7 +11,6 @@ import json
 import zlib
 from collections.abc import Sequence
 from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +33,7 @@ from swarm_mj.reports import COMPARISON_NAME, REPORT_NAME
 from swarm_mj.reports.compare import comparison_section
 from swarm_mj.reports.delivery import box_id, delivery_figures, delivery_section
 from swarm_mj.reports.globe import globe_figure, globe_id, globe_section
-from swarm_mj.reports.markup import Content, Html, join, table, tag
+from swarm_mj.reports.markup import Content, Html, document, join, own, table, tag
 from swarm_mj.reports.plots import INK, plot_run, plot_two
 from swarm_mj.reports.replay import Limits, Replay, f32, make_replay, packed
 from swarm_mj.reports.scene import MAX_NAMED, MAX_PATHS, in_the_dark, path_points, scene_figure
@@ -49,8 +48,8 @@ from swarm_mj.reports.sections import (
 )
 from swarm_mj.scenarios.itinerary import last_arrival_s
 
-#: Files of the page's own style and behaviour, in order.
-STYLE, SCRIPTS = "page.css", ("mesh.js", "names.js", "scene.js", "page.js")
+#: Files of the page's own behaviour, in order.
+SCRIPTS = ("mesh.js", "names.js", "scene.js", "page.js")
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:"
 )
@@ -96,14 +95,7 @@ def report_html(runs: Sequence[RunRecord]) -> str:
     replays = [make_replay(run, limits) for run in runs]
     labels = _labels(runs)
     title = labels[0] if len(runs) == 1 else f"{labels[0]} and {labels[1]}"
-    style, scripts = _own(STYLE), [_own(name) for name in SCRIPTS]
-    head = [
-        tag("meta", charset="utf-8"),
-        tag("meta", http_equiv="Content-Security-Policy", content=POLICY),
-        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        tag("title", f"swarm_mj: {title}"),
-        tag("style", Html(style)),
-    ]
+    scripts = [own(name) for name in SCRIPTS]
     data = Html(safe_json(page_data(runs, replays, labels)))
     body = [
         _header(runs, labels),
@@ -113,7 +105,7 @@ def report_html(runs: Sequence[RunRecord]) -> str:
         tag("script", Html(packed_plotly()), type="application/zlib", id="plotly"),
         [tag("script", Html(script)) for script in scripts],
     ]
-    return f"<!DOCTYPE html>\n{tag('html', tag('head', head), tag('body', body), lang='en')}\n"
+    return document(f"swarm_mj: {title}", POLICY, body)
 
 
 @cache
@@ -129,10 +121,6 @@ def packed_plotly() -> str:
         head = start + len(HANDED_OVER) - len(FUNCTION)
         script = f"{script[:head]}({script[head : end + 1]}){script[end + 1 :]}"
     return base64.b64encode(zlib.compress(script.encode())).decode("ascii")
-
-
-def _own(name: str) -> str:
-    return (resources.files("swarm_mj.reports") / name).read_text("utf-8")
 
 
 def _labels(runs: Sequence[RunRecord]) -> list[str]:

@@ -1,12 +1,13 @@
 """The spacecraft designer: budgets added up again, and its choice against all choices."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.ideas import components, sizing
+from swarm_mj.ideas import components
 from swarm_mj.ideas.components import BATTERY_WH, BUS, DETECTORS, EARTH_LINKS, PROPULSION, SIZES, WHEELS
 from swarm_mj.ideas.requirement import Requirement, load_requirement
 from swarm_mj.ideas.spacecraft import (
@@ -30,6 +31,7 @@ from swarm_mj.scenarios.schema_photometry import Photometry
 SCENARIO = load_scenario("bennu-slow")
 SEEN = Encounter(
     area_m2=17_500.0,
+    extent_m=200.0,
     speed=5.0,
     altitude_m=1000.0,
     sun_m=0.95 * AU,
@@ -62,9 +64,8 @@ def test_budgets_add_up_and_are_kept(changes):
         # The tank grows with what it holds; the margin is on what is built.
         shell = one.propulsion.tank_share * one.propellant_kg
         assert one.mass_kg == pytest.approx((1.0 + m.mass) * (dry - shell) + shell + one.propellant_kg)
-        assert sizing.delta_v_of(one.mass_kg, one.propellant_kg, one.propulsion.specific_impulse_s) == pytest.approx(
-            given.delta_v_m_s
-        )
+        ratio = one.mass_kg / (one.mass_kg - one.propellant_kg)
+        assert 9.80665 * one.propulsion.specific_impulse_s * np.log(ratio) == pytest.approx(given.delta_v_m_s)
         assert tank[0].mass_kg == one.propellant_kg and grown < dry
     else:
         assert one.mass_kg == pytest.approx((1.0 + m.mass) * dry)
@@ -144,10 +145,35 @@ def test_what_cannot_be_built_is_refused_with_its_numbers():
 def test_pixels_bound_the_number_of_observers():
     payload = payload_for(asked(), SEEN, SIZES[6], 1000.0, DETECTORS[1])
     assert isinstance(payload, Payload)
-    # 14 pictures of 2048^2 pixels of 0.2 m, of a target of 10 km^2; a passage at 5 m/s gives 40.
+    # 14 pictures of 2048^2 pixels of 0.2 m; at 5 m/s, while a pixel samples 0.2 m of any of 200 m.
     wide, once = SEEN._replace(area_m2=2.2e6), SEEN._replace(area_m2=2.2e6, interval_s=0.0)
-    assert pictures_in_passage(asked(), wide, 1000.0) == 1 + int(2.0 * 1000.0 * np.sqrt(1.4**2 - 1.0) / 50.0)
+    assert pictures_in_passage(asked(), wide, payload) == 1 + int((2.0 * 1000.0 * np.sqrt(1.4**2 - 1.0) + 200.0) / 50.0)
     assert least_observers(asked(), once, payload) == 14 and least_observers(asked(), wide, payload) == 1
+    # A coarse requirement from nearby gets a finer pixel than it needs, which sees as finely from farther off.
+    near = payload_for(asked(resolution_m=2.0), SEEN, SIZES[6], 500.0, DETECTORS[1])
+    assert isinstance(near, Payload) and near.pixel_rad < 2.0 / (1.4 * 500.0)
+    reach = 2.0 / near.pixel_rad
+    expected = 1 + int((2.0 * np.sqrt(reach**2 - 500.0**2) + 200.0) / 50.0)
+    assert pictures_in_passage(asked(resolution_m=2.0), SEEN, near) == expected
+
+
+def test_the_ground_moves_by_the_pixels_that_are_allowed():
+    for resolution_m in (0.2, 2.0):
+        given = asked(resolution_m=resolution_m, max_blur_px=0.5)
+        payload = payload_for(given, SEEN, SIZES[6], 500.0, DETECTORS[1])
+        assert isinstance(payload, Payload)
+        assert payload.exposure_s * SEEN.speed == pytest.approx(0.5 * payload.pixel_rad * 500.0)
+
+
+@pytest.mark.parametrize("propulsion", PROPULSION)
+def test_every_kind_of_thrusters_can_be_flown(propulsion):
+    _, one = sized(delta_v_m_s=5.0)
+    assert isinstance(one, Spacecraft)
+    flown = load_scenario("bennu-slow", replace(one, propulsion=propulsion).changes(asked()))
+    assert flown.spacecraft.thrusters is not None and flown.spacecraft.thrusters.thrust_n == propulsion.thrust_n
+    assert flown.spacecraft.wheel_layout == "orthogonal"
+    momentum = flown.spacecraft.wheel.spin_inertia_kg_m2 * flown.spacecraft.wheel.max_speed_rpm * np.pi / 30.0
+    assert momentum == pytest.approx(one.wheels.momentum_n_m_s)
 
 
 @pytest.mark.parametrize(
