@@ -367,21 +367,12 @@ def _teller(scenario: schema.Scenario, bars: Progress | None) -> Tell | None:
 
 def _verified(found: Design, runs: int, bars: Progress | None, workers: int | None) -> Verified:
     """Fly a design so often, with the losses and dispersions of its scenario, or go on with it."""
-    from swarm_mj.campaigns.loading import load_campaign
-    from swarm_mj.campaigns.runner import run_campaign
-    from swarm_mj.campaigns.statistics import probability
+    from swarm_mj.campaigns.promise import fly_promise
 
     assert found.folder is not None
     flown = load_scenario(found.scenario, design_overrides({"observers": [], **found.record}))
-    campaign = {"name": f"{flown.name}-verification", "runs": runs, "record": ["coverage_percent"]}
-    resolved = load_campaign({**campaign, "scenarios": [{"scenario": flown.model_dump(mode="json")}]})
     folder = found.folder.with_name(f"{found.folder.name}-verification")
-    results = run_campaign(resolved, folder, workers=workers, resume=folder.exists(), bars=bars, figures=False).results
-    covered = [bool(seen) for seen in results["covered"].to_pylist()]
-    share = probability(sum(covered), runs)
-    failed = results["status"].to_pylist().count("failed")
-    promised = found.record["certainty"][0]["promised"]
-    return Verified(runs, failed, sum(covered), share.low, share.high, promised)
+    return fly_promise(flown, folder, runs, found.record["certainty"][0]["promised"], workers=workers, bars=bars)
 
 
 def _compared(scenario: schema.Scenario, bars: Progress | None, workers: int | Runner | None) -> list[Growth]:

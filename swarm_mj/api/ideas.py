@@ -3,29 +3,43 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from swarm_mj.api.design import Design
+from swarm_mj.api.flight import fly
+from swarm_mj.campaigns.promise import fly_promise
 from swarm_mj.errors import OutputError
 from swarm_mj.ideas.knowledge import Kept, KnowledgeBase, differences, rerun, scenario_text
 from swarm_mj.ideas.knowledge import study as carry
 from swarm_mj.ideas.report import study_html
-from swarm_mj.ideas.requirement import load_requirement
+from swarm_mj.ideas.requirement import Requirement, load_requirement
+from swarm_mj.ideas.sensitivity import Index
 from swarm_mj.io.atomic import write_text
+from swarm_mj.io.cache import hash_of
+from swarm_mj.io.machine import check_workers
 from swarm_mj.io.progress import using_bars
 from swarm_mj.io.records import writing
+from swarm_mj.records.design_files import design_record
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from swarm_mj.ideas.chain import Said
+    from swarm_mj.designer.study import Verified
+    from swarm_mj.ideas.chain import Campaign, Said
     from swarm_mj.io.progress import Shown
+    from swarm_mj.scenarios import schema
 
 #: Where studies are kept unless said otherwise.
 BASE = Path("results") / "ideas.sqlite"
+#: Files in the folders of flights, designs and campaigns to which a report points.
+EVIDENCE = ("summary.json", "design.json", "report.html")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +84,11 @@ class Studied:
         return pd.DataFrame(self.record["drivers"])
 
     @property
+    def sobol(self) -> pd.DataFrame:
+        """Sobol' indices of what drives, with 95 % intervals; empty where `sobol` of the requirement asks for none."""
+        return pd.DataFrame(self.record["sobol"], columns=list(Index._fields))
+
+    @property
     def alternatives(self) -> pd.DataFrame:
         """Spacecraft that no other one beats in resolution, masses, power and time."""
         return pd.DataFrame(self.record["alternatives"])
@@ -81,7 +100,14 @@ class Studied:
             OutputError: It cannot be written.
         """
         with writing(path, "choose another place"):
-            write_text(Path(path), study_html(self.kept.name, self._told(), self.record, self.sentences))
+            place = Path(path).parent
+            there = {
+                c["shown"]: f"{c['shown']}/{name}"
+                for c in self.record["checks"]
+                for name in EVIDENCE
+                if c["shown"] and (place / c["shown"] / name).is_file()
+            }
+            write_text(Path(path), study_html(self.kept.name, self._told(), self.record, self.sentences, there))
         return Path(path)
 
     def _told(self) -> dict[str, Any]:
@@ -96,16 +122,27 @@ class Studied:
             return [f"{name}: cannot be met: {record['forbids']}"]
         sized = record["spacecraft"]
         met = "meet it, as flown" if self.closed else "do not meet it, as flown"
+        idle = record["spacecraft_count"] - record["observers"]
+        more = f" and {idle} like them that only communicate{'s' if idle == 1 else ''}" if idle else ""
+        losses = "" if self.kept.requirement.probability else "losses, dispersions, "
         words = [
-            f"{name}: {record['observers']} of {sized['kind']}, {sized['mass_kg']:.3g} kg each, {met}; the lightest "
-            f"swarm among {len(record['tried'])} kinds of spacecraft. Not covered: losses, launch, cruise, cost, radiation, "
+            f"{name}: {record['observers']} of {sized['kind']}{more}, {sized['mass_kg']:.3g} kg each, {met}; the lightest "
+            f"swarm among {len(record['tried'])} kinds of spacecraft. Not covered: {losses}launch, cruise, cost, radiation, "
             "and heat but for a bound; component numbers are those of classes"
         ]
+        words += [f"{name}: took {record['taken']} from the study {self.kept.took}"] if record["taken"] else []
         words += [
             f"{name}: {c['requirement']}: {c['reached']:.4g} {c['unit']}, asked were {c['asked']:.4g}"
             for c in record["checks"]
             if not c["met"]
         ]
+        if self.kept.requirement.sobol and not record["sobol"]:
+            words.append(f"{name}: no Sobol' indices: nothing varies within a factor of 1.2 of what is asked")
+        if record["sobol_unbuilt"]:
+            share = 100.0 * record["sobol_unbuilt"]
+            words.append(
+                f"{name}: of {share:.3g} % of the sample for Sobol' indices nothing can be built: there are none of its mass"
+            )
         return words
 
     def save(self, folder: str | Path) -> Path:
@@ -114,11 +151,7 @@ class Studied:
         Raises:
             OutputError: It cannot be written.
         """
-        place = Path(folder)
-        try:
-            place.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"{place}: cannot be made: {error}") from None
+        place = _made(Path(folder))
         write_text(place / "study.json", json.dumps({**self._told(), **self.record}, indent=1) + "\n")
         self.report(place / "report.html")
         if self.record["scenario"] is not None:
@@ -131,27 +164,73 @@ def study(
     *,
     base: str | Path = BASE,
     out: str | Path | None = None,
+    workers: int | None = None,
     progress: Shown = None,
 ) -> Studied:
-    """Carry a requirement through the chain: spacecraft, swarm, flight; and keep what comes out.
+    """Carry a requirement through the chain: spacecraft, swarm, flight, campaign; and keep what comes out.
 
     Args:
         requirement: A YAML file, or its values; see `swarm_mj.ideas.requirement.Requirement`.
-        base: File of the knowledge base; a study that is like this one says which kind of spacecraft is tried first.
-        out: Folder for the results; None: they are in the knowledge base alone.
+        base: File of the knowledge base; what a study that is like this one found saves designs here.
+        out: Folder for the report, with the flight, the design and the campaign that show it; None: the results are in the
+            knowledge base alone.
+        workers: Processes for designs, campaigns and Sobol' indices; None: one per core.
         progress: Whether to say what is done, or the bars to use; None: on a terminal.
 
     Raises:
         ScenarioError: The requirement or its scenario is not allowed.
         OutputError: The results cannot be kept.
+        KeyboardInterrupt: It was interrupted; flights and pictures of candidates and flights of campaigns are kept, and the
+            same command goes on with them.
     """
+    check_workers(workers)
     asked, place = load_requirement(requirement), KnowledgeBase(base)
-    with using_bars(progress) as bars:
-        _, kept = carry(asked, place, _teller(asked.name, bars))
-    found = Studied(kept)
-    if out is not None:
-        found.save(out)
-    return found
+    folder = None if out is None else _made(Path(out))
+    with using_bars(progress) as bars, _campaigns(folder, workers, bars) as campaign:
+        found, kept = carry(asked, place, campaign=campaign, workers=workers, say=_teller(asked.name, bars))
+        studied = Studied(kept)
+        if folder is not None:
+            # The evidence that the report points to, as `swarm-mj fly` and `swarm-mj design` write it.
+            if found.design is not None:
+                record = design_record(found.design)
+                Design(found.design.scenario, record, study=found.design).save(folder / "design", progress=bars)
+            if found.scenario is not None:
+                fly(found.scenario, out=folder / "flight", progress=bars)
+            studied.save(folder)
+    return studied
+
+
+def _made(folder: Path) -> Path:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be made: {error}") from None
+    return folder
+
+
+@contextmanager
+def _campaigns(folder: Path | None, workers: int | None, bars: Progress | None) -> Iterator[Campaign]:
+    """Flies campaigns into a folder, or nowhere that lasts."""
+    with ExitStack() as stack:
+        place = Path(stack.enter_context(TemporaryDirectory())) if folder is None else folder
+
+        def campaign(scenario: schema.Scenario, asked: Requirement) -> tuple[Verified, str]:
+            assert asked.probability is not None
+            # Another swarm's flights stand elsewhere.
+            name = f"campaign-{hash_of(scenario.model_dump_json())[:8]}"
+            counted = None if asked.quality == "seen" else asked.quality
+            found = fly_promise(
+                scenario,
+                place / name,
+                asked.flights,
+                asked.probability,
+                quality_class=counted,
+                workers=workers,
+                bars=bars,
+            )
+            return found, name
+
+        yield campaign
 
 
 def _teller(name: str, bars: Progress | None) -> Said | None:
@@ -208,12 +287,16 @@ def _whole(kept: Kept) -> dict[str, Any]:
     return {"requirement": kept.requirement.model_dump(mode="json"), **kept.record}
 
 
-def rerun_study(name: str, base: str | Path = BASE, *, progress: Shown = None) -> pd.DataFrame:
-    """Run a kept study anew, without what others found; where the results differ from those that are kept.
+def rerun_study(
+    name: str, base: str | Path = BASE, *, workers: int | None = None, progress: Shown = None
+) -> pd.DataFrame:
+    """Run a kept study anew, with what it took from another one; where the results differ from those that are kept.
 
     Raises:
         OutputError: There is none of such a name.
     """
-    with using_bars(progress) as bars:
-        kept, found = rerun(KnowledgeBase(base), name, _teller(name, bars))
+    check_workers(workers)
+    with using_bars(progress) as bars, _campaigns(None, workers, bars) as campaign:
+        say = _teller(name, bars)
+        kept, found = rerun(KnowledgeBase(base), name, campaign=campaign, workers=workers, say=say)
     return pd.DataFrame(found, columns=["key", f"kept ({kept.version})", "now"])

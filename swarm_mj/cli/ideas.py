@@ -26,8 +26,8 @@ def add(commands: argparse._SubParsersAction) -> None:
         "ideas",
         _ideas,
         "size spacecraft and design a swarm from a requirement; look up kept studies",
-        "Carry a requirement through spacecraft designer, swarm designer and flight, or prove what forbids it; every study is "
-        "kept. Exit status 1 where the requirement is not met, or a rerun differs.",
+        "Carry a requirement through spacecraft designer, swarm designer, flight and campaign, or prove what forbids it; every study "
+        "is kept. Exit status 1 where the requirement is not met, or a rerun differs.",
     )
     ideas.add_argument(
         "what", metavar="WHAT", help="YAML file of a requirement; or list, show STUDY, compare STUDY STUDY, rerun STUDY"
@@ -35,8 +35,12 @@ def add(commands: argparse._SubParsersAction) -> None:
     ideas.add_argument("study", nargs="*", metavar="STUDY", help="id of a kept study, the beginning of it, or its name")
     ideas.add_argument("--base", type=Path, metavar="FILE", help="the knowledge base (default: results/ideas.sqlite)")
     ideas.add_argument(
-        "--out", type=Path, metavar="DIR", help="write study.json, report.html, and scenario.yaml that flies the swarm"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="write report.html, study.json, scenario.yaml that flies the swarm, and its flight, design and campaign",
     )
+    ideas.add_argument("--workers", type=int, metavar="N", help="processes (default: one per core)")
     add_quiet(ideas)
 
 
@@ -56,20 +60,24 @@ def _ideas(arguments: argparse.Namespace) -> int:
             found = ideas.compare_studies(names[0], names[1], base)
             return _show(bars.console, f"{names[0]} and {names[1]}", found)
         if verb == "rerun":
-            found = ideas.rerun_study(names[0], base, progress=bars)
+            found = ideas.rerun_study(names[0], base, workers=arguments.workers, progress=bars)
             if len(found):
                 _show(bars.console, f"{names[0]}: what changed", found)
             else:
                 tell(bars.console, f"{names[0]}: the same to the last bit")
             return int(len(found) > 0)
-        one = ideas.open_study(names[0], base) if verb == "show" else ideas.study(verb, base=base, progress=bars)
+        if verb == "show":
+            one = ideas.open_study(names[0], base)
+        else:
+            one = ideas.study(verb, base=base, out=arguments.out, workers=arguments.workers, progress=bars)
         if one.record["spacecraft"] is not None:
             parts = one.parts[["name", "number", "mass_kg", "volume_u", "power_w", "source"]]
             _show(bars.console, f"{one.kept.name}: {one.record['spacecraft']['kind']}, without margins", parts)
-            _show(bars.console, "Requirement by requirement", one.checks)
+            _show(bars.console, "Requirement by requirement", one.checks.drop(columns="shown"))
         lines = [*one.sentences, f"{one.kept.name}: kept as {one.kept.id} in {base}"]
         if arguments.out is not None:
-            lines.append(f"{one.kept.name}: files in {one.save(arguments.out)}")
+            place = one.save(arguments.out) if verb == "show" else arguments.out
+            lines.append(f"{one.kept.name}: files in {place}; begin with {place / 'report.html'}")
         tell(bars.console, *lines)
         return int(not one.closed)
 

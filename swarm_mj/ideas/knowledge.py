@@ -20,7 +20,7 @@ import yaml
 
 from swarm_mj import __version__
 from swarm_mj.errors import OutputError
-from swarm_mj.ideas.chain import Said, Study, run_study
+from swarm_mj.ideas.chain import Campaign, Known, Said, Study, run_study
 from swarm_mj.ideas.requirement import Requirement
 from swarm_mj.ideas.spacecraft import closeness
 from swarm_mj.scenarios.loading import load_scenario
@@ -44,7 +44,7 @@ class Kept(NamedTuple):
         version: Of swarm_mj.
         requirement: What was asked.
         record: What came out, see `record_of`.
-        took: Study whose kind of spacecraft was tried first; empty: none.
+        took: Study with whose swarm and bounds it began; empty: none.
         wall_s: How long it took [s].
     """
 
@@ -91,17 +91,22 @@ def record_of(study: Study) -> dict[str, Any]:
                 "signal_to_noise": payload.snr,
             },
             "parts": [row._asdict() for row in one.rows],
+            "modes": [mode._asdict() for mode in one.modes],
         }
     return {
         "closed": study.closed,
         "observers": study.observers,
-        "swarm_kg": study.observers * one.mass_kg if one is not None else None,
+        "spacecraft_count": study.spacecraft_count,
+        "swarm_kg": study.spacecraft_count * one.mass_kg if one is not None else None,
+        "taken": study.taken,
         "spacecraft": sized,
         "checks": [check._asdict() for check in study.checks],
         "forbids": study.forbids,
         "relaxed": list(study.relaxed),
         "least_kg": min((one.least_kg for one in study.tried if one.least_kg is not None), default=None),
         "drivers": [one._asdict() for one in study.drivers],
+        "sobol": [one._asdict() for one in study.sobol],
+        "sobol_unbuilt": study.unbuilt,
         "alternatives": [one._asdict() for one in study.alternatives],
         "tried": [{**one._asdict(), "short": one.short if np.isfinite(one.short) else None} for one in study.tried],
         "scenario": None if study.scenario is None else study.scenario.model_dump(mode="json"),
@@ -176,7 +181,24 @@ class KnowledgeBase:
         return one
 
 
-def study(asked: Requirement, base: KnowledgeBase, say: Said | None = None) -> tuple[Study, Kept]:
+def known_from(kept: Kept | None) -> Known | None:
+    """What a kept study tells one that is like it."""
+    if kept is None:
+        return None
+    record, design = kept.record, kept.record["scenario"]["design"]
+    counts = {one["kind"]: int(one["proven"]) for one in record["tried"] if one["proven"]}
+    swarm = {key: design[key] for key in ("visiting_points", "observers")}
+    return Known(kept.requirement, record["spacecraft"]["kind"], counts, swarm)
+
+
+def study(
+    asked: Requirement,
+    base: KnowledgeBase,
+    *,
+    campaign: Campaign | None = None,
+    workers: int | None = None,
+    say: Said | None = None,
+) -> tuple[Study, Kept]:
     """Carry a requirement through the chain, beginning with what a study like it found, and keep what comes out.
 
     Raises:
@@ -184,10 +206,9 @@ def study(asked: Requirement, base: KnowledgeBase, say: Said | None = None) -> t
         OutputError: The result cannot be kept.
     """
     like = base.nearest(asked)
-    first = "" if like is None else like.record["spacecraft"]["kind"]
     if like is not None and say is not None:
-        say(f"begins with {first}, of the study {like.id} ({like.name})")
-    found = run_study(asked, first=first, say=say)
+        say(f"begins with what the study {like.id} ({like.name}) found")
+    found = run_study(asked, known=known_from(like), campaign=campaign, workers=workers, say=say)
     return found, base.keep(asked, record_of(found), "" if like is None else like.id, found.wall_s)
 
 
@@ -206,10 +227,23 @@ def differences(one: Any, other: Any, key: str = "") -> list[tuple[str, Any, Any
     return [] if one == other else [(key, one, other)]
 
 
-def rerun(base: KnowledgeBase, name: str, say: Said | None = None) -> tuple[Kept, list[tuple[str, Any, Any]]]:
-    """Run a study anew, without what others found; where it differs from what was kept, which stays as it is."""
+def rerun(
+    base: KnowledgeBase,
+    name: str,
+    *,
+    campaign: Campaign | None = None,
+    workers: int | None = None,
+    say: Said | None = None,
+) -> tuple[Kept, list[tuple[str, Any, Any]]]:
+    """Run a study anew, with what it took from another one; where it differs from what was kept, which stays as it is.
+
+    Raises:
+        OutputError: There is no such study, or the one that it began with is not there any more.
+    """
     kept = base.find(name)
-    again = json.loads(json.dumps(record_of(run_study(kept.requirement, say=say))))
+    like = known_from(base.find(kept.took)) if kept.took else None
+    found = run_study(kept.requirement, known=like, campaign=campaign, workers=workers, say=say)
+    again = json.loads(json.dumps(record_of(found)))
     return kept, differences(kept.record, again)
 
 

@@ -12,9 +12,18 @@ from swarm_mj.reports.markup import Content, Html, document, table, tag
 POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 #: Of drawings: pixels a metre, and the edge around.
 SCALE, EDGE = 700.0, 30.0
+#: What Sobol' indices are of.
+OUTCOME_WORDS = {
+    "can_be_built": "whether a spacecraft can be built",
+    "observers": "least number of observers of the lightest swarm",
+    "swarm_kg": "least mass of the lightest swarm",
+    "send_h": "time until its pictures are on Earth, as sized",
+}
 
 
-def study_html(name: str, told: Mapping[str, Any], record: Mapping[str, Any], sentences: list[str]) -> str:
+def study_html(
+    name: str, told: Mapping[str, Any], record: Mapping[str, Any], sentences: list[str], there: Mapping[str, str]
+) -> str:
     """The page of a study.
 
     Args:
@@ -22,13 +31,16 @@ def study_html(name: str, told: Mapping[str, Any], record: Mapping[str, Any], se
         told: Its id, version, date and requirement.
         record: What came out, see `knowledge.record_of`.
         sentences: What it came to in words.
+        there: Files beside the page that show what checks name, by the name of their folder.
     """
     facts = f"study {told['id']} by swarm_mj {told['version']}, scenario {told['requirement']['scenario']}"
     parts = [
         _outcome(sentences),
-        _checks(record),
+        _checks(record, there),
         _spacecraft(record),
+        _swarm(record, there),
         _drivers(record),
+        _sobol(record),
         _front(record),
         _tried(record),
     ]
@@ -51,21 +63,17 @@ def _number(value: Any, digits: int = 4) -> str:
     return f"{value:.{digits}g}" if isinstance(value, float) and isfinite(value) else str(value)
 
 
-def _checks(record: Mapping[str, Any]) -> Html | None:
+def _checks(record: Mapping[str, Any], there: Mapping[str, str]) -> Html | None:
     if not record["checks"]:
         return None
-    rows = [
-        (
-            c["requirement"],
-            _number(c["asked"]),
-            _number(c["reached"]),
-            c["unit"],
-            "met" if c["met"] else "NOT MET",
-            c["evidence"],
-        )
-        for c in record["checks"]
-    ]
-    head = ("", "asked", "reached", "unit", "", "evidence")
+    rows = []
+    for c in record["checks"]:
+        asked, reached = c["asked"], c["reached"]
+        margin = f"{100.0 * abs(reached - asked) / asked:,.0f} %" if asked and isfinite(reached) else "-"
+        evidence = tag("a", c["evidence"], href=there[c["shown"]]) if c["shown"] in there else c["evidence"]
+        met = "met" if c["met"] else "NOT MET"
+        rows.append((c["requirement"], _number(asked), _number(reached), c["unit"], met, margin, evidence))
+    head = ("", "asked", "reached", "unit", "", "margin", "evidence")
     return _section("Requirement by requirement", table(head, rows, caption="As flown and as budgeted"))
 
 
@@ -88,7 +96,29 @@ def _spacecraft(record: Mapping[str, Any]) -> Html | None:
     rows.append(("with margins; power in the mean of a day", "", *whole, f"panels give {sized['panels_give_w']:.3g} W"))
     head = ("part", "number", "mass [kg]", "volume [U]", "power [W]", "source")
     budgets = table(head, rows, caption="Budgets, each part without margin")
-    return _section(f"The spacecraft: {sized['kind']}", _drawing(sized), budgets)
+    modes = [
+        tuple(_number(value) if key != "name" else value for key, value in mode.items()) for mode in sized["modes"]
+    ]
+    columns = ("mode", "time [h]", "draws [W]", "panels give [W]", "batteries give [Wh]")
+    times = table(columns, modes, caption="Modes, with margin")
+    return _section(f"The spacecraft: {sized['kind']}", _drawing(sized), budgets, times)
+
+
+def _swarm(record: Mapping[str, Any], there: Mapping[str, str]) -> Html | None:
+    if record["scenario"] is None:
+        return None
+    design, idle = record["scenario"]["design"], record["spacecraft_count"] - record["observers"]
+    facts = [
+        ("observers", record["observers"]),
+        ("spacecraft that only communicate", idle),
+        ("mass of all [kg]", _number(record["swarm_kg"])),
+        ("visiting points", ", ".join(map(str, design["visiting_points"]))),
+        ("imaging altitude [m]", f"{design['imaging_altitude_m']:,.0f}"),
+        ("time of flight from the release [s]", f"{design['time_of_flight_s']:,.0f}"),
+    ]
+    if "flight" in there:
+        facts.append(("its flight", tag("a", "report with pictures and paths", href=there["flight"])))
+    return _section("The swarm", table(("", ""), facts, caption="As designed and flown"))
 
 
 def _drawing(sized: Mapping[str, Any]) -> Html:
@@ -172,6 +202,40 @@ def _drivers(record: Mapping[str, Any]) -> Html | None:
         aria_label=words,
     )
     return _section("Which requirement drives", tag("p", words), drawn)
+
+
+def _sobol(record: Mapping[str, Any]) -> Html | None:
+    rows = record.get("sobol") or []
+    if not rows:
+        return None
+    step, names, bars = 26.0, 190.0, 420.0
+    drawings: list[Content] = []
+    for outcome in dict.fromkeys(row["outcome"] for row in rows):
+        shapes: list[Content] = []
+        found = sorted((row for row in rows if row["outcome"] == outcome), key=lambda row: -row["total"])
+        for k, row in enumerate(found):
+            y = 20.0 + step * k
+            shapes.append(tag("text", row["key"], x=0, y=y + 5, fill="currentColor", font_size=14))
+            for index, colour, up in (("first", "#0072b2", -4.0), ("total", "#e69f00", 4.0)):
+                wide = bars * min(max(row[index], 0.0), 1.0)
+                shapes.append(tag("rect", x=names, y=y + up - 3, width=max(wide, 1.5), height=7, fill=colour))
+                low, high = (names + bars * min(max(row[f"{index}_{end}"], 0.0), 1.0) for end in ("low", "high"))
+                shapes.append(tag("line", x1=low, x2=high, y1=y + up, y2=y + up, stroke="currentColor"))
+        foot = 20.0 + step * len(found)
+        shapes += [
+            tag("text", f"{share:g}", x=names + bars * share - 5, y=foot + 8, fill="currentColor", font_size=13)
+            for share in (0.0, 0.5, 1.0)
+        ]
+        view, style = f"0 0 {names + bars + 30:.0f} {foot + 20:.0f}", f"max-width:{names + bars + 30:.0f}px"
+        drawings.append(tag("h3", OUTCOME_WORDS[outcome]))
+        drawings.append(
+            tag("svg", shapes, viewBox=view, width="100%", style=style, role="img", aria_label=OUTCOME_WORDS[outcome])
+        )
+    words = (
+        "Sobol' indices: the share of the variance by each value alone (blue) and with its interactions (orange), lines: 95 % "
+        "intervals; all values at once and evenly between 1.2 times less and more, by bounds: nothing is flown"
+    )
+    return _section("What drives, all at once", tag("p", words), drawings)
 
 
 def _front(record: Mapping[str, Any]) -> Html | None:

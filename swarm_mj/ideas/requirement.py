@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import yaml
 from pydantic import Field, ValidationError, field_validator, model_validator
@@ -11,6 +11,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from swarm_mj.errors import ScenarioError
 from swarm_mj.ideas.components import SIZES
 from swarm_mj.scenarios.explaining import explained, listed
+from swarm_mj.scenarios.schema_quality import PACKAGED
 from swarm_mj.scenarios.section import Section
 
 
@@ -22,9 +23,19 @@ class Limits(Section):
     )
     spacecraft: int = Field(20, ge=1, le=1000, description="most observers")
     spacecraft_kg: float | None = Field(
-        None, gt=0, le=100, description="largest mass of one, margin included [kg]; null: the standard's for its size"
+        None,
+        gt=0,
+        le=100,
+        description="largest mass of one, margin included, as its deployer allows [kg]; null: the standard's for its size",
     )
-    swarm_kg: float | None = Field(None, gt=0, le=1e5, description="largest mass of all observers [kg]; null: any")
+    swarm_kg: float | None = Field(None, gt=0, le=1e5, description="largest mass of all spacecraft [kg]; null: any")
+    swarm_u: float | None = Field(None, gt=0, le=1e5, description="largest volume of all spacecraft [U]; null: any")
+    deployer_m_s: float | None = Field(
+        None,
+        gt=0,
+        le=1e4,
+        description="largest velocity that the deployer gives a spacecraft [m/s]; null: not asked for",
+    )
     altitudes_m: tuple[float, ...] = Field(
         (),
         max_length=20,
@@ -83,16 +94,45 @@ class Requirement(Section):
     changes: dict[str, Any] = Field(default_factory=dict, description="values by dotted key that change it")
     resolution_m: float = Field(gt=0, le=1e5, description="coarsest ground sampling distance, obliquity included [m]")
     share_percent: float = Field(99.9, gt=0, le=100, description="of the target that must be seen so [%]")
+    quality: Literal["seen", "resolved", "stereo", "shape"] = Field(
+        "seen", description="class at which a face counts, at the resolution, see observation.classes"
+    )
+    probability: float | None = Field(
+        None,
+        gt=0,
+        lt=1,
+        description="with which the share is seen under the losses (faults) and dispersions of the scenario [-]; null: without "
+        "any",
+    )
+    flights: int = Field(
+        100, ge=10, le=100_000, description="of the campaign that shows whether probability is kept, where it is given"
+    )
     min_snr: float = Field(20.0, ge=0, le=1e4, description="least signal to noise of a pixel [-]")
     max_blur_px: float = Field(
         1.0, gt=0, le=100, description="largest motion of the ground in an exposure, the camera not turning along [px]"
     )
     deliver_within_h: float = Field(240.0, gt=0, le=1e6, description="time until all pictures are on Earth [h]")
-    contact_h: float = Field(8.0, gt=0, le=24, description="contact of a spacecraft with Earth a day [h]")
+    contact_h: float = Field(8.0, gt=0, le=24, description="contact of whoever sends with Earth a day, for sizing [h]")
+    network: Literal["dsn", "dsn34", "estrack"] | None = Field(
+        None, description="ground stations, see link.ground.network; null: the scenario's"
+    )
     delta_v_m_s: float = Field(0.0, ge=0, le=1e4, description="that thrusters must give [m/s]; 0: there are none")
     turn_s: float = Field(120.0, gt=0, le=1e5, description="time in which it turns by 180 deg, from rest to rest [s]")
+    sobol: int = Field(
+        0,
+        ge=0,
+        le=65_536,
+        description="points of each base sample of Sobol' indices of what drives, a power of 2; 0: none are computed",
+    )
     limits: Limits = Field(default_factory=Limits, description="what may be chosen")
     margins: Margins = Field(default_factory=Margins, description="what is kept in hand")
+
+    @field_validator("sobol")
+    @classmethod
+    def _power_of_two(cls, value: int) -> int:
+        if value & (value - 1):
+            raise ValueError(f"{value}: must be a power of 2")
+        return value
 
     @model_validator(mode="after")
     def _changes_leave_the_camera(self) -> Self:
@@ -100,6 +140,57 @@ class Requirement(Section):
             if key.split(".")[0] in ("camera", "spacecraft"):
                 raise ValueError(f"changes: {key}: is what is sized; must be a key of another section")
         return self
+
+    @property
+    def looks(self) -> int:
+        """In how many pictures each part of the target must be seen, at the least."""
+        demands = PACKAGED[self.quality]
+        return max(
+            max(demand.looks, demand.sectors, 2 if demand.convergence_deg or demand.light_varied_deg else 1)
+            for demand in demands
+        )
+
+    @property
+    def scenario_changes(self) -> dict[str, Any]:
+        """Values of its scenario by dotted key that ask for what is required, whatever the spacecraft."""
+        counted = self.quality != "seen"
+        return {
+            **self.changes,
+            "observation.max_gsd_m": self.resolution_m,
+            "observation.classes": [{"name": self.quality}] if counted else [],
+            "designer.quality_class": self.quality if counted else None,
+            "designer.max_observers": self.limits.spacecraft,
+            "designer.tolerance_percent": round(100.0 - self.share_percent, 9),
+            # Of quality classes no design is made for a probability: the campaign alone tells.
+            "designer.probability": None if counted else self.probability,
+            "data.horizon_s": 3600.0 * self.deliver_within_h,
+            **({} if self.network is None else {"link.ground.network": self.network}),
+        }
+
+    def value(self, key: str) -> float:
+        """A number by its dotted key."""
+        section, _, name = key.rpartition(".")
+        return float(getattr(getattr(self, section) if section else self, name))
+
+    def with_value(self, key: str, value: float) -> Requirement:
+        """The requirement with another number at a dotted key."""
+        section, _, name = key.rpartition(".")
+        if not section:
+            return self.model_copy(update={name: value})
+        return self.model_copy(update={section: getattr(self, section).model_copy(update={name: value})})
+
+    def no_harder_to_see(self, other: Requirement) -> bool:
+        """Whether a spacecraft that is sized for it needs no more like it than one for another requirement does for that.
+
+        Of each kind the camera of the finer resolution has the finer pixels, and sees no more with each of them.
+        """
+        alike = ("scenario", "changes", "quality", "probability")
+        return (
+            all(getattr(self, key) == getattr(other, key) for key in alike)
+            and self.margins.relief == other.margins.relief
+            and self.resolution_m >= other.resolution_m
+            and self.share_percent <= other.share_percent
+        )
 
 
 def load_requirement(source: str | Path | dict[str, Any]) -> Requirement:

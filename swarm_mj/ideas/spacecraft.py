@@ -43,7 +43,7 @@ from swarm_mj.ideas.requirement import Requirement
 from swarm_mj.io import interruption
 from swarm_mj.observation.photometry import Surface, radiance_factor
 from swarm_mj.observation.radiometry import electrons, signal_to_noise
-from swarm_mj.scenarios.constants import AU, GREEN_LIGHT_M
+from swarm_mj.scenarios.constants import AU, GREEN_LIGHT_M, STANDARD_GRAVITY
 from swarm_mj.scenarios.schema import Scenario, Wheel
 from swarm_mj.scenarios.schema_imaging import Camera
 
@@ -61,7 +61,7 @@ MOST_BATTERIES, MANY_PANELS = 20, 1000
 HOT_K, EMISSIVITY = 313.0, 0.8
 #: Widest half-angle of a lens [deg].
 WIDEST_DEG = 30.0
-#: Time in which the camera takes pictures, panels not facing the Sun [h].
+#: Time in which the camera takes pictures, panels not facing the Sun, where the body's shadow does not take longer [h].
 IMAGING_H = 1.0
 
 
@@ -77,6 +77,11 @@ class Encounter(NamedTuple):
         earth_m: From Earth.
         surface: How it reflects.
         interval_s: Between two pictures; 0: the arrival alone counts.
+        idle: Spacecraft that only communicate.
+        senders: Spacecraft that send the pictures of all to Earth; 0: each sends its own.
+        shadow_s: Longest time in which the body hides the Sun.
+        cell_m2: Of the smallest cell of the target.
+        min_pixels: That a cell must have in a picture.
     """
 
     area_m2: float
@@ -87,6 +92,11 @@ class Encounter(NamedTuple):
     earth_m: float
     surface: Surface
     interval_s: float
+    idle: int = 0
+    senders: int = 0
+    shadow_s: float = 0.0
+    cell_m2: float = 0.0
+    min_pixels: float = 0.0
 
 
 class Payload(NamedTuple):
@@ -125,6 +135,24 @@ class Refusal(NamedTuple):
         return most / least if least > 0.0 else np.inf
 
 
+class Mode(NamedTuple):
+    """What is drawn and given in a mode, with margin.
+
+    Attributes:
+        name: Of the mode.
+        hours: A day, or as long as it lasts.
+        power_w: That is drawn.
+        panels_w: That panels give.
+        battery_wh: What batteries give in that time, at the least.
+    """
+
+    name: str
+    hours: float
+    power_w: float
+    panels_w: float
+    battery_wh: float
+
+
 class Row(NamedTuple):
     """A line of the budgets; powers by mode [W]."""
 
@@ -161,6 +189,7 @@ class Spacecraft:
         available_w: What the panels give at the body's distance from the Sun [W].
         send_h: Time in which its pictures are sent, contacts of `contact_h` a day [h].
         pictures: That it takes in the passage, at most.
+        modes: What it draws, mode by mode.
     """
 
     size: Size
@@ -178,6 +207,7 @@ class Spacecraft:
     available_w: float
     send_h: float
     pictures: int
+    modes: tuple[Mode, ...]
 
     @property
     def name(self) -> str:
@@ -185,12 +215,13 @@ class Spacecraft:
         return kind_of(self.size, self.payload.altitude_m, self.payload.detector)
 
     def changes(self, asked: Requirement) -> dict[str, Any]:
-        """Values of a scenario by dotted key that fly it."""
+        """Values of the requirement's scenario by dotted key that fly it."""
         payload, wheel, usual, propulsion = self.payload, self.wheels, Wheel(), self.propulsion
         # Of a shape and speed like those of the scenarios' own.
         inertia = wheel.momentum_n_m_s / (usual.max_speed_rpm * pi / 30.0)
         flat = usual.transverse_inertia_kg_m2 / usual.spin_inertia_kg_m2
         return {
+            **asked.scenario_changes,
             "spacecraft.mjcf": None,
             "spacecraft.wheel_layout": "orthogonal",
             "spacecraft.mass_kg": round(self.mass_kg, 4),
@@ -216,10 +247,7 @@ class Spacecraft:
                 "quantum_efficiency": payload.detector.quantum_efficiency,
                 "read_noise": payload.detector.read_noise,
             },
-            "observation.max_gsd_m": asked.resolution_m,
             "design.imaging_altitude_m": payload.altitude_m,
-            "designer.max_observers": asked.limits.spacecraft,
-            "designer.tolerance_percent": round(100.0 - asked.share_percent, 9),
             "link.earth.radio": self.link.radio,
         }
 
@@ -314,16 +342,27 @@ def least_observers(asked: Requirement, seen: Encounter, payload: Payload) -> in
     return max(1, ceil(pictures / pictures_in_passage(asked, seen, payload) - 1e-9))
 
 
+def least_swarm_kg(asked: Requirement, seen: Encounter, one: Spacecraft) -> float:
+    """No swarm of a kind is lighter, those that only communicate included [kg]."""
+    return (least_observers(asked, seen, one.payload) + seen.idle) * one.mass_kg
+
+
 def _pictures_needed(asked: Requirement, seen: Encounter, payload: Payload) -> int:
     area = 0.01 * asked.share_percent * seen.area_m2
-    return sizing.pictures_needed(area, payload.detector.pixels, asked.resolution_m)
+    return asked.looks * sizing.pictures_needed(area, payload.detector.pixels, asked.resolution_m)
+
+
+def _pictures_sent(asked: Requirement, seen: Encounter, payload: Payload) -> int:
+    """By the spacecraft that sends the most: a share of everybody's, or no more than it takes."""
+    kept = ceil(asked.margins.overlap * _pictures_needed(asked, seen, payload))
+    return ceil(kept / seen.senders) if seen.senders else min(pictures_in_passage(asked, seen, payload), kept)
 
 
 def size_spacecraft(
     asked: Requirement, scenario: Scenario, seen: Encounter, size: Size, payload: Payload
 ) -> Spacecraft | Refusal:
     """The lightest spacecraft of a size with a camera; or what forbids it."""
-    limit = min(size.limit_kg, asked.limits.spacecraft_kg or size.limit_kg)
+    limit = asked.limits.spacecraft_kg or size.limit_kg
     inertia = sizing.box_inertia(limit, size.size_m)
     rate, acceleration = sizing.tracking(seen.speed, payload.altitude_m)
     torque, momentum = sizing.turning(inertia, pi, asked.turn_s)
@@ -342,7 +381,7 @@ def size_spacecraft(
             f"{1e3 * largest.momentum_n_m_s:g} and {1e3 * largest.torque_n_m:g}",
         )
     pictures = pictures_in_passage(asked, seen, payload)
-    kept = min(pictures, ceil(asked.margins.overlap * _pictures_needed(asked, seen, payload)))
+    kept = _pictures_sent(asked, seen, payload)
     bits = kept * payload.detector.pixels**2 * scenario.data.bits_per_pixel / scenario.data.compression
     share, g_over_t = asked.contact_h / 24.0, max(s.g_over_t_db_k for s in stations_from(scenario.link.ground))
     links, hours = [], []
@@ -390,6 +429,7 @@ def _lightest(
     wheels, links, hours = choices
     limit, pictures = given
     margins, share = asked.margins, asked.contact_h / 24.0
+    away_h = max(IMAGING_H, seen.shadow_s / 3600.0)
     # Unknowns: which wheels, which link, panels, batteries; and what the tank holds, by the rocket equation of the rest.
     n_w, n_l = len(wheels), len(links)
     mass = np.array(
@@ -451,9 +491,9 @@ def _lightest(
             -bus_w * asked.contact_h,
         ),
         (
-            row(more * wheel_w * IMAGING_H, more * listens * IMAGING_H, 0.0, -margins.battery * BATTERY_WH),
+            row(more * wheel_w * away_h, more * listens * away_h, 0.0, -margins.battery * BATTERY_WH),
             -np.inf,
-            -(bus_w + more * (payload.power_w + CROSSLINK_SENDS_W)) * IMAGING_H,
+            -(bus_w + more * (payload.power_w + CROSSLINK_SENDS_W)) * away_h,
         ),
         # What is drawn at once becomes heat that the sides can radiate.
         (
@@ -513,7 +553,16 @@ def _lightest(
         )
         listed.append(Row("propellant", 1, tank, 0.0, 0.0, f"rocket equation, {asked.delta_v_m_s:g} m/s"))
     wet = dry + tank * (1.0 + (propulsion.tank_share if propulsion else 0.0))
-    power = more * (float(wheel_w @ x[:n_w]) + float(mean @ x[n_w : n_w + n_l])) + bus_w
+    steady = more * float(wheel_w @ x[:n_w]) + bus_w
+    power = steady + more * float(mean @ x[n_w : n_w + n_l])
+    hearing, sunlit = steady + more * link.listens_w, panels * watt
+    imaging = hearing + more * (payload.power_w + CROSSLINK_SENDS_W)
+    modes = [("between contacts, a day", 24.0 - asked.contact_h, hearing, sunlit)]
+    modes += [("contact with Earth, a day", asked.contact_h, steady + more * link.transmits_w, sunlit)]
+    modes += [("passage, in shadow or panels turned away", away_h, imaging, 0.0)]
+    if propulsion is not None:
+        burn_h = tank * propulsion.specific_impulse_s * STANDARD_GRAVITY / propulsion.thrust_n / 3600.0
+        modes.append(("thrusters, in all", burn_h, hearing + more * propulsion.power_w, sunlit))
     return Spacecraft(
         size=size,
         payload=payload,
@@ -530,6 +579,7 @@ def _lightest(
         available_w=panels * watt,
         send_h=hours[k],
         pictures=pictures,
+        modes=tuple(Mode(*mode, max(0.0, mode[2] - mode[3]) * mode[1]) for mode in modes),
     )
 
 
@@ -613,8 +663,9 @@ def spacecraft_options(
 
 
 def closeness(asked: Requirement, other: Requirement) -> float:
-    """How unlike two requirements are: the largest logarithm of a ratio of what they ask for; infinite for other scenarios."""
-    if asked.scenario != other.scenario or asked.changes != other.changes:
+    """How unlike two requirements are: the largest logarithm of a ratio of what they ask for; infinite for other missions."""
+    alike = ("scenario", "changes", "quality", "probability", "network")
+    if any(getattr(asked, key) != getattr(other, key) for key in alike):
         return np.inf
     pairs = [(asked.resolution_m, other.resolution_m), (asked.share_percent, other.share_percent)]
     pairs += [(asked.deliver_within_h, other.deliver_within_h), (1.0 + asked.delta_v_m_s, 1.0 + other.delta_v_m_s)]
