@@ -391,7 +391,7 @@ class _Search:
         by: DesignStudy | None = None,
     ) -> bool:
         """Fly a swarm; what delivers too slowly is sized for a faster link. Whether it meets the requirement."""
-        asked, sized_for, only_if_met = self.asked, self.asked, by is None
+        asked, only_if_met = self.asked, by is None
         for _ in range(SLOWEST):
             flown = load_scenario(asked.scenario, {**one.changes(asked), **_designed(design)})
             self.tell(f"{len(design['visiting_points'])} of {one.name} fly")
@@ -404,9 +404,9 @@ class _Search:
             late = next((c for c in checks if c.requirement == ON_EARTH), None)
             if only_if_met or late is None or late.met or not np.isfinite(late.reached):
                 break
-            # What the flight took longer goes back to the designer of the spacecraft.
-            tighter = sized_for.deliver_within_h * late.asked / late.reached
-            sized_for = sized_for.model_copy(update={"deliver_within_h": tighter})
+            # What the flight took longer goes back to the designer of the spacecraft: a link that is faster by as much.
+            tighter = one.send_h * late.asked / late.reached
+            sized_for = asked.model_copy(update={"deliver_within_h": tighter})
             again = size_spacecraft(sized_for, flight.plan.scenario, self.seen, one.size, one.payload)
             if isinstance(again, Refusal):
                 break

@@ -131,6 +131,9 @@ class Propulsion(NamedTuple):
     volume_u: float  #: without propellant [U]
     power_w: float
     source: str
+    continuous: bool = (
+        False  #: whether it burns for days, which panels alone can feed; else for an hour at a time at most
+    )
 
 
 PROPULSION = (
@@ -167,6 +170,7 @@ PROPULSION = (
         1.2,
         60.0,
         "class of ThrustMe NPT30-I2: 1.2 kg, 35 to 65 W, up to 2,400 s",
+        True,
     ),
 )
 
@@ -186,11 +190,11 @@ BUS = (
     Part("computer", 0.10, 0.10, 1.0, "class of GomSpace NanoMind A3200 on its board"),
     Part("power unit", 0.10, 0.12, 0.3, "class of GomSpace NanoPower P31u"),
     Part(
-        "star tracker and gyro",
-        0.15,
-        0.08,
-        1.2,
-        "class of Hyperion ST200 (42 g, 0.65 W) with a MEMS gyro and Sun sensors",
+        "attitude unit",
+        0.50,
+        0.40,
+        1.8,
+        "class of the Blue Canyon XACT (0.89 to 1.23 kg, some 0.5 U) without its wheels: star tracker, gyro, electronics",
     ),
     Part(
         "crosslink radio",

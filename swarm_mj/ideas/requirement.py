@@ -9,7 +9,7 @@ import yaml
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.ideas.components import SIZES
+from swarm_mj.ideas.components import PROPULSION, SIZES
 from swarm_mj.scenarios.explaining import explained, listed
 from swarm_mj.scenarios.schema_quality import PACKAGED
 from swarm_mj.scenarios.section import Section
@@ -30,6 +30,11 @@ class Limits(Section):
     )
     swarm_kg: float | None = Field(None, gt=0, le=1e5, description="largest mass of all spacecraft [kg]; null: any")
     swarm_u: float | None = Field(None, gt=0, le=1e5, description="largest volume of all spacecraft [U]; null: any")
+    propulsion: tuple[str, ...] = Field(
+        tuple(one.name for one in PROPULSION),
+        min_length=1,
+        description=f"thrusters to choose from, of {', '.join(one.name for one in PROPULSION)}",
+    )
     deployer_m_s: float | None = Field(
         None,
         gt=0,
@@ -50,6 +55,14 @@ class Limits(Section):
             raise ValueError(f"{unknown[0]}: must be among {', '.join(map(str, SIZES))}")
         return tuple(sorted(set(value)))
 
+    @field_validator("propulsion")
+    @classmethod
+    def _known_thrusters(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        known = [one.name for one in PROPULSION]
+        if unknown := [name for name in value if name not in known]:
+            raise ValueError(f"{unknown[0]}: must be among {'; '.join(known)}")
+        return value
+
     @field_validator("altitudes_m")
     @classmethod
     def _above_ground(cls, value: tuple[float, ...]) -> tuple[float, ...]:
@@ -63,6 +76,12 @@ class Margins(Section):
 
     mass: float = Field(
         0.2, ge=0, le=1, description="of all masses [-]; default: system margin of early phases (ECSS, ESA)"
+    )
+    integration: float = Field(
+        0.15,
+        ge=0,
+        le=1,
+        description="of the parts' masses that cables, brackets, thermal control and shielding weigh [-]; assumed",
     )
     power: float = Field(0.1, ge=0, le=1, description="of all powers [-]; default: of components that exist")
     volume: float = Field(0.1, ge=0, lt=1, description="share that harness and gaps take [-]; assumed")
@@ -113,6 +132,9 @@ class Requirement(Section):
     )
     deliver_within_h: float = Field(240.0, gt=0, le=1e6, description="time until all pictures are on Earth [h]")
     contact_h: float = Field(8.0, gt=0, le=24, description="contact of whoever sends with Earth a day, for sizing [h]")
+    listen_share: float = Field(
+        1.0, ge=0, le=1, description="of the time between contacts in which the receiver is on [-]; default: always"
+    )
     network: Literal["dsn", "dsn34", "estrack"] | None = Field(
         None, description="ground stations, see link.ground.network; null: the scenario's"
     )

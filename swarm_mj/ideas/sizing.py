@@ -52,7 +52,7 @@ def smear_exposure(pixel_m: float, blur_px: float, ground_speed: float) -> float
 
 def pictures_needed(area_m2: float, pixels: int, resolution_m: float) -> int:
     """Pictures without which an area cannot be sampled at a resolution: no pixel shows more than a square of it."""
-    return ceil(area_m2 / (pixels * resolution_m) ** 2 - 1e-9)
+    return max(1, ceil(area_m2 / (pixels * resolution_m) ** 2 - 1e-9))
 
 
 def box_inertia(mass_kg: float, size_m: tuple[float, float, float]) -> float:

@@ -59,6 +59,8 @@ LONGEST_S, PULSE_S = 60.0, 0.01
 MOST_BATTERIES, MANY_PANELS = 20, 1000
 #: Hottest that electronics may be, and what its sides emit, for the bound on power [K, -].
 HOT_K, EMISSIVITY = 313.0, 0.8
+#: Longest burn of thrusters that do not burn for days [h].
+BURN_H = 1.0
 #: Widest half-angle of a lens [deg].
 WIDEST_DEG = 30.0
 #: Time in which the camera takes pictures, panels not facing the Sun, where the body's shadow does not take longer [h].
@@ -406,7 +408,9 @@ def size_spacecraft(
         )
     best: Spacecraft | None = None
     lacking: list[str] = []
-    options: list[Propulsion | None] = [*PROPULSION] if asked.delta_v_m_s > 0.0 else [None]
+    options: list[Propulsion | None] = [None]
+    if asked.delta_v_m_s > 0.0:
+        options = [one for one in PROPULSION if one.name in asked.limits.propulsion]
     for propulsion in options:
         found = _lightest(asked, seen, size, payload, (wheels, links, hours), propulsion, (limit, pictures))
         if isinstance(found, str):
@@ -440,7 +444,8 @@ def _lightest(
     )
     fixed_kg = size.structure_kg + payload.mass_kg + sum(part.mass_kg for part in BUS)
     fixed_u = payload.volume_u + sum(part.volume_u for part in BUS)
-    grown, per_dry, dense = 1.0 + margins.mass, 0.0, 0.0
+    built = (1.0 + margins.mass) * (1.0 + margins.integration)
+    grown, per_dry, dense = built, 0.0, 0.0
     if propulsion is not None:
         fixed_kg, fixed_u = fixed_kg + propulsion.dry_kg, fixed_u + propulsion.volume_u
         used = sizing.propellant(1.0, asked.delta_v_m_s, propulsion.specific_impulse_s)
@@ -457,25 +462,27 @@ def _lightest(
     one_w, one_l = np.ones(n_w), np.ones(n_l)
     sends, listens = (np.array([getattr(x, key) for x in links]) for key in ("transmits_w", "listens_w"))
     burning_w = propulsion.power_w if propulsion is not None else 0.0
+    stored = 0.0 if propulsion is None or propulsion.continuous else margins.battery * BATTERY_WH / BURN_H
 
     def row(w: Any, x: Any, panels: float, batteries: float) -> Any:
         return np.concatenate((np.broadcast_to(w, n_w), np.broadcast_to(x, n_l), [panels, batteries]))
 
-    mean = share * sends + (1.0 - share) * listens
+    mean = share * sends + (1.0 - share) * asked.listen_share * listens
     rows = [
         # Exactly one set of wheels, one link.
         (row(one_w, 0.0 * one_l, 0.0, 0.0), 1.0, 1.0),
         (row(0.0 * one_w, one_l, 0.0, 0.0), 1.0, 1.0),
         (grown * mass, -np.inf, limit - grown * fixed_kg),
         (
-            volume + dense * (1.0 + margins.mass) * mass,
+            volume + dense * built * mass,
             -np.inf,
-            size.units * (1.0 - margins.volume) - fixed_u - dense * (1.0 + margins.mass) * fixed_kg,
+            size.units * (1.0 - margins.volume) - fixed_u - dense * built * fixed_kg,
         ),
-        # The mean of a day, and thrusters while nothing is sent: panels give it.
+        # The mean of a day by panels.
         (row(more * wheel_w, more * mean, -watt, 0.0), -np.inf, -bus_w),
+        # Thrusters while nothing is sent: for days by panels alone, or for an hour with batteries.
         (
-            row(more * wheel_w, more * listens, -watt, 0.0) * bool(burning_w),
+            row(more * wheel_w, more * listens, -watt, -stored) * bool(burning_w),
             -np.inf,
             -bus_w - more * burning_w if burning_w else 0.0,
         ),
@@ -510,7 +517,7 @@ def _lightest(
     x = np.rint(answer.x)
     wheel, k = wheels[int(x[:n_w].argmax())], int(x[n_w : n_w + n_l].argmax())
     link, panels, batteries = links[k], int(x[-2]), int(x[-1])
-    dry = (1.0 + margins.mass) * (fixed_kg + float(mass @ x))
+    dry = built * (fixed_kg + float(mass @ x))
     tank = per_dry * dry
     listed = [
         Row(f"structure {size.units}U", 1, size.structure_kg, 0.0, 0.0, "class of the ISISPACE CubeSat structures")
@@ -526,7 +533,7 @@ def _lightest(
             payload.power_w,
             payload.detector.source,
         ),
-        *(Row(part.name, 1, part.mass_kg, part.volume_u, part.power_w, part.source) for part in BUS),
+        *(Row(part.name, 1, *part[1:]) for part in BUS),
         Row(
             f"wheels {wheel.name}",
             WHEEL_COUNT,
@@ -552,12 +559,17 @@ def _lightest(
             )
         )
         listed.append(Row("propellant", 1, tank, 0.0, 0.0, f"rocket equation, {asked.delta_v_m_s:g} m/s"))
+    parts_kg = fixed_kg + float(mass @ x)
+    cables = margins.integration * parts_kg
+    listed.append(Row("cables, brackets, thermal control", 1, cables, 0.0, 0.0, "margins.integration of the parts"))
     wet = dry + tank * (1.0 + (propulsion.tank_share if propulsion else 0.0))
     steady = more * float(wheel_w @ x[:n_w]) + bus_w
     power = steady + more * float(mean @ x[n_w : n_w + n_l])
     hearing, sunlit = steady + more * link.listens_w, panels * watt
     imaging = hearing + more * (payload.power_w + CROSSLINK_SENDS_W)
-    modes = [("between contacts, a day", 24.0 - asked.contact_h, hearing, sunlit)]
+    rest_h = 24.0 - asked.contact_h
+    modes = [("listening, a day", asked.listen_share * rest_h, hearing, sunlit)]
+    modes += [("receiver off, a day", (1.0 - asked.listen_share) * rest_h, steady, sunlit)]
     modes += [("contact with Earth, a day", asked.contact_h, steady + more * link.transmits_w, sunlit)]
     modes += [("passage, in shadow or panels turned away", away_h, imaging, 0.0)]
     if propulsion is not None:
@@ -579,20 +591,21 @@ def _lightest(
         available_w=panels * watt,
         send_h=hours[k],
         pictures=pictures,
-        modes=tuple(Mode(*mode, max(0.0, mode[2] - mode[3]) * mode[1]) for mode in modes),
+        modes=tuple(Mode(*mode, max(0.0, mode[2] - mode[3]) * mode[1]) for mode in modes if mode[1] > 0.0),
     )
 
 
-#: What the rows of the program from the third on keep.
-KEPT = (
-    "mass",
-    "volume",
-    "the power that panels give in the mean of a day",
-    "the power that panels give while thrusters burn",
-    "the batteries in a contact with Earth",
-    "the batteries in the passage",
-    "the heat that its sides radiate",
-)
+#: What the rows of the program from the third on keep, in which unit, and how much of it counts as much as of the others where
+#: several are exceeded.
+KEPT = {
+    "mass": ("kg", 1.0),
+    "volume": ("U", 1.0),
+    "the power that panels give in the mean of a day": ("W", 10.0),
+    "the power while thrusters burn": ("W", 10.0),
+    "the batteries in a contact with Earth": ("Wh", 30.0),
+    "the batteries in the passage": ("Wh", 30.0),
+    "the heat that its sides radiate": ("W", 10.0),
+}
 
 
 def _lacking(objective: Any, constraints: list[LinearConstraint], most: Any, size: Size) -> str:
@@ -609,9 +622,9 @@ def _lacking(objective: Any, constraints: list[LinearConstraint], most: Any, siz
             alone.append(name)
     if alone:
         return f"the limit of {' or of '.join(alone)} forbids it"
-    # The least excess of all limits together, each over its size.
+    # The least excess of all limits together.
     n, m = len(objective), len(KEPT)
-    size_of = [max(float(np.abs(row.ub).max()), 1.0) for row in constraints[2:]]
+    size_of = [scale for _, scale in KEPT.values()]
     rows = [
         LinearConstraint(
             np.hstack((row.A, -size_of[i - 2] * np.eye(m)[i - 2 : i - 1] if i > 1 else np.zeros((1, m)))),
@@ -625,7 +638,11 @@ def _lacking(objective: Any, constraints: list[LinearConstraint], most: Any, siz
     excess = solve_program(np.append(np.zeros(n), np.ones(m)), rows, None, most=ends, whole=whole).x
     if excess is None:
         return "several limits forbid it at once"
-    beyond = [f"{name} by {100.0 * share:.0f} %" for name, share in zip(KEPT, excess[n:], strict=True) if share > 1e-6]
+    beyond = [
+        f"{name} by {share * scale:.3g} {unit}"
+        for (name, (unit, scale)), share in zip(KEPT.items(), excess[n:], strict=True)
+        if share > 1e-6
+    ]
     return f"at the least it exceeds {' and '.join(beyond)}"
 
 

@@ -30,6 +30,7 @@ def test_the_ground_moves_by_a_pixel_in_the_longest_exposure():
 def test_no_fewer_pictures_than_area_over_footprint():
     assert sizing.pictures_needed(100.0, 10, 1.0) == 1 and sizing.pictures_needed(100.1, 10, 1.0) == 2
     assert sizing.pictures_needed(14.6e6, 4096, 0.1) == 88
+    assert sizing.pictures_needed(1.0, 1024, 1000.0) == 1  # however small the target is
 
 
 def test_lines_of_sight_turn_as_a_passage_makes_them():

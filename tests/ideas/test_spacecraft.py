@@ -1,6 +1,7 @@
 """The spacecraft designer: budgets added up again, and its choice against all choices."""
 
 import itertools
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from swarm_mj.ideas.spacecraft import (
     Refusal,
     Spacecraft,
     least_observers,
+    least_swarm_kg,
     payload_for,
     pictures_in_passage,
     size_spacecraft,
@@ -83,6 +85,17 @@ def test_budgets_add_up_and_are_kept(changes):
     assert ((1.0 + m.power) * (bus + one.link.transmits_w) - one.available_w) * given.contact_h <= stored + 1e-9
     passage = bus + one.link.listens_w + one.payload.power_w + CROSSLINK_SENDS_W
     assert (1.0 + m.power) * passage * IMAGING_H <= stored + 1e-9
+    # Mode by mode the same.
+    modes = {mode.name.partition(",")[0]: mode for mode in one.modes}
+    assert modes["passage"].battery_wh == pytest.approx((1.0 + m.power) * passage * IMAGING_H)
+    assert modes["contact with Earth"].power_w == pytest.approx((1.0 + m.power) * (bus + one.link.transmits_w))
+    assert sum(mode.hours for name, mode in modes.items() if name not in ("passage", "thrusters")) == 24.0
+    assert all(mode.battery_wh <= stored + 1e-9 for name, mode in modes.items() if name != "thrusters")
+    if one.propulsion is not None:
+        impulse = one.propellant_kg * 9.80665 * one.propulsion.specific_impulse_s
+        assert modes["thrusters"].hours * 3600.0 * one.propulsion.thrust_n == pytest.approx(impulse)
+    cables = next(row for row in one.rows if row.name.startswith("cables"))
+    assert cables.mass_kg > 0.0 and one.panels <= one.size.panels
 
 
 def test_the_choice_is_the_lightest_of_all_choices():
@@ -106,8 +119,9 @@ def test_the_choice_is_the_lightest_of_all_choices():
             + batteries * components.BATTERY.mass_kg
         )
         ratio = np.exp(given.delta_v_m_s / (9.80665 * thrust.specific_impulse_s)) - 1.0
-        tank = ratio * 1.2 * kilos / (1.0 - ratio * thrust.tank_share)
-        wet = 1.2 * kilos + (1.0 + thrust.tank_share) * tank
+        dry = 1.2 * 1.15 * kilos
+        tank = ratio * dry / (1.0 - ratio * thrust.tank_share)
+        wet = dry + (1.0 + thrust.tank_share) * tank
         volume = payload.volume_u + sum(part.volume_u for part in BUS) + thrust.volume_u + tank / thrust.density
         volume += (
             3 * wheel.volume_u
@@ -117,7 +131,9 @@ def test_the_choice_is_the_lightest_of_all_choices():
         )
         fits = wet <= size.limit_kg and volume <= 0.9 * size.units and link.least_units <= 6
         day = 1.1 * (load + link.transmits_w / 3.0 + link.listens_w * 2.0 / 3.0) <= panels * watt
-        burn = 1.1 * (load + link.listens_w + thrust.power_w) <= panels * watt
+        burning = 1.1 * (load + link.listens_w + thrust.power_w) - panels * watt
+        # For days by panels alone; else for an hour with batteries.
+        burn = burning <= (0.0 if thrust.continuous else 0.7 * BATTERY_WH * batteries)
         contact = (1.1 * (load + link.transmits_w) - panels * watt) * 8.0 <= 0.7 * BATTERY_WH * batteries
         passage = 1.1 * (load + link.listens_w + payload.power_w + 3.0) <= 0.7 * BATTERY_WH * batteries
         sent = link.radio != "iris_patch"  # 6 dBi send 4 Mpx too slowly
@@ -157,6 +173,64 @@ def test_pixels_bound_the_number_of_observers():
     assert pictures_in_passage(asked(resolution_m=2.0), SEEN, near) == expected
 
 
+def test_stereo_takes_twice_the_pictures_and_relays_send_for_all():
+    payload = payload_for(asked(), SEEN, SIZES[6], 1000.0, DETECTORS[1])
+    once = SEEN._replace(area_m2=2.2e6, interval_s=0.0)
+    assert least_observers(asked(quality="resolved"), once, payload) == 14
+    assert least_observers(asked(quality="stereo"), once, payload) == 28
+    assert least_observers(asked(quality="shape"), once, payload) == 42
+    # 28 pictures of 2048^2 bit, 14 for the target and as many again for overlap: by each its one, by a relay all.
+    slow = {"deliver_within_h": 1e6}
+    own = size_spacecraft(asked(**slow), SCENARIO, once, SIZES[6], payload)
+    one, two = (size_spacecraft(asked(**slow), SCENARIO, once._replace(senders=k), SIZES[6], payload) for k in (1, 2))
+    assert one.link == own.link and one.send_h == pytest.approx(28.0 * own.send_h)
+    assert two.send_h == pytest.approx(14.0 * own.send_h)
+    # Those that only communicate weigh as much.
+    assert least_swarm_kg(asked(**slow), once._replace(idle=1), one) == pytest.approx(15.0 * one.mass_kg)
+
+
+def test_batteries_carry_the_body_s_shadow_and_receivers_may_be_off():
+    given, one = sized()
+    payload = payload_for(given, SEEN, SIZES[6], 1000.0, DETECTORS[1])
+    dark = size_spacecraft(given, SCENARIO, SEEN._replace(shadow_s=5.0 * 3600.0), SIZES[6], payload)
+    draws = next(mode for mode in dark.modes if mode.name.startswith("passage"))
+    assert draws.hours == 5.0 and dark.batteries > one.batteries
+    assert draws.battery_wh <= 0.7 * BATTERY_WH * dark.batteries < draws.battery_wh + 0.7 * BATTERY_WH
+    _, quiet = sized(listen_share=0.25)
+    assert one.power_w - quiet.power_w == pytest.approx(1.1 * 0.75 * 16.0 / 24.0 * one.link.listens_w)
+
+
+def test_what_may_be_chosen_is_chosen_from():
+    _, one = sized(delta_v_m_s=20.0, limits={"propulsion": ["ADN monopropellant"]})
+    assert one.propulsion.name == "ADN monopropellant"
+    # For an hour batteries help; what burns for days has panels for all of it.
+    _, ion = sized(delta_v_m_s=500.0, limits={"propulsion": ["iodine ion"]})
+    burning = next(mode for mode in ion.modes if mode.name.startswith("thrusters"))
+    assert burning.battery_wh == 0.0 and burning.power_w > 60.0
+    # A deployer may carry more than the standard's 12 kg.
+    _, full = sized(limits={"units": [6], "spacecraft_kg": 14.0, "propulsion": ["cold gas, R236fa"]}, delta_v_m_s=110.0)
+    assert 12.0 < full.mass_kg <= 14.0
+
+
+def test_several_limits_at_once_are_told_in_their_units():
+    _, refused = sized(units=3, delta_v_m_s=385.0, limits={"units": [3], "propulsion": ["ADN monopropellant"]})
+    words = re.search(r"exceeds mass by ([0-9.]+) kg and volume by ([0-9.]+) U", refused.words)
+    assert words and 0.0 < float(words[1]) < 6.0 and 0.0 < float(words[2]) < 3.0
+
+
+def test_finer_and_larger_is_harder_to_see():
+    one = asked()
+    assert asked(resolution_m=0.3).no_harder_to_see(one) and asked(share_percent=80).no_harder_to_see(one)
+    assert not asked(resolution_m=0.1).no_harder_to_see(one)
+    for other in (
+        {"quality": "stereo"},
+        {"probability": 0.9},
+        {"margins": {"relief": 1.2}},
+        {"scenario": "eros-quick"},
+    ):
+        assert not asked(resolution_m=0.3, **other).no_harder_to_see(one)
+
+
 def test_the_ground_moves_by_the_pixels_that_are_allowed():
     for resolution_m in (0.2, 2.0):
         given = asked(resolution_m=resolution_m, max_blur_px=0.5)
@@ -180,6 +254,9 @@ def test_every_kind_of_thrusters_can_be_flown(propulsion):
     ("changes", "words"),
     [
         ({"limits": {"units": [4]}}, "limits.units"),
+        ({"limits": {"propulsion": ["steam"]}}, "limits.propulsion"),
+        ({"sobol": 12}, "sobol"),
+        ({"quality": "pretty"}, "quality"),
         ({"resolution_m": -1}, "resolution_m"),
         ({"changes": {"camera.half_angle_deg": 3}}, "camera.half_angle_deg"),
     ],

@@ -1,0 +1,234 @@
+"""Write docs/results/sized.md, spacecraft that were built or studied beside what the designer makes: python -m scripts.pages.sized.
+
+Each is described by what it had to do, as far as its sources tell, and sized as `swarm-mj ideas` sizes one.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from scripts.pages import RESULTS
+from swarm_mj.ideas.components import DETECTORS, SIZES
+from swarm_mj.ideas.requirement import Requirement
+from swarm_mj.ideas.spacecraft import Encounter, Refusal, Spacecraft, payload_for, size_spacecraft
+from swarm_mj.io.atomic import write_text
+from swarm_mj.observation.photometry import surface_of
+from swarm_mj.scenarios.constants import AU
+from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.schema_photometry import Photometry
+
+PAGE = RESULTS / "sized.md"
+#: Its pictures and stations; all else is given here.
+SCENARIO = "bennu-slow"
+
+
+class Built(NamedTuple):
+    """A spacecraft from elsewhere.
+
+    Attributes:
+        name: Of the mission.
+        units: Its size [U].
+        detector: The nearest of `components.DETECTORS`.
+        asked: Values of its requirement.
+        altitude_m: From where it sees what it looks at.
+        speed: That it passes it with [m/s].
+        sun_au: Farthest from the Sun at which it works.
+        earth_au: Distance from Earth at which it sends.
+        mass_kg: Launch mass.
+        panels_w: What its panels give at 1 au; None: not in these sources.
+        source: Of the numbers.
+        why: What explains the difference.
+    """
+
+    name: str
+    units: int
+    detector: str
+    asked: dict[str, Any]
+    altitude_m: float
+    speed: float
+    sun_au: float
+    earth_au: float
+    mass_kg: float
+    panels_w: float | None
+    source: str
+    why: str
+
+
+BUILT = (
+    Built(
+        "MarCO",
+        6,
+        "1k",
+        {
+            "resolution_m": 3000,
+            "delta_v_m_s": 56,
+            "contact_h": 2,
+            "listen_share": 0.05,
+            "deliver_within_h": 0.85,  # two pictures of a megabit in contacts of 2 h a day: 8 kbit/s
+            "limits": {"units": [6], "spacecraft_kg": 14, "propulsion": ["cold gas, R236fa"]},
+        },
+        3.5e6,
+        5500.0,
+        1.43,
+        0.976,
+        13.5,
+        35.0,
+        "NASA's press kit of InSight (13.5 kg, 35 W at Earth, 17 W at Mars, 8 kbit/s); 755 N s of its thrusters by VACCO's data "
+        "sheet over 13.5 kg; contacts of 2 h a day and a receiver that is off most of the time are assumed",
+        "Its UHF receiver with a deployed loop is not asked for.",
+    ),
+    Built(
+        "LICIACube",
+        6,
+        "2k",
+        {
+            "resolution_m": 1.4,
+            "delta_v_m_s": 56,
+            "contact_h": 4,
+            "listen_share": 0.5,
+            "min_snr": 5,
+            "max_blur_px": 5,
+            "limits": {"units": [6], "spacecraft_kg": 14, "propulsion": ["cold gas, R236fa"]},
+        },
+        55_000.0,
+        6150.0,
+        1.05,
+        0.075,
+        14.0,
+        None,
+        "NASA (14 kg); scenarios/liciacube-swarm.yaml; its velocity of 56 m/s is that of MarCO's thrusters, assumed",
+        "It has a second camera, LUKE, and a bus made for longer missions in hard radiation.",
+    ),
+    Built(
+        "LUMIO",
+        12,
+        "1k",
+        {
+            "resolution_m": 6000,
+            "delta_v_m_s": 203,
+            "contact_h": 2,
+            "limits": {"units": [12], "spacecraft_kg": 24, "propulsion": ["ADN monopropellant"]},
+        },
+        6.0e7,
+        100.0,
+        1.0,
+        0.0028,
+        20.0,
+        None,
+        "eoPortal (some 20 kg); Nett, TU Delft (203 m/s; thrusters of 5.56 kg full, a second set of 0.82 kg)",
+        "Thrusters of two kinds, 6.4 kg full where the designer's weigh 2.4 kg; gimballed panels; a camera with a long baffle for "
+        "flashes on the night side, which signal on sunlit ground does not ask for. 28 kg are planned by now.",
+    ),
+    Built(
+        "M-Argo",
+        12,
+        "2k",
+        {
+            "resolution_m": 0.5,
+            "delta_v_m_s": 3500,
+            "deliver_within_h": 200,
+            "limits": {"units": [12], "spacecraft_kg": 24, "propulsion": ["iodine ion"]},
+        },
+        5000.0,
+        0.1,
+        1.1,
+        1.0,
+        22.0,
+        None,
+        "ESA (12U, stays at an asteroid for six months, to 1 au from Earth; some 22 kg); 3,500 m/s assumed",
+        "A second set of twelve gas thrusters, a laser altimeter, infrared channels, a drive that turns its panels, and a "
+        "flat-panel antenna of high gain: none is in the catalogue or asked for.",
+    ),
+    Built(
+        "3U fly-by",
+        3,
+        "2k",
+        {
+            "resolution_m": 10,
+            "delta_v_m_s": 385,
+            "contact_h": 1,
+            "listen_share": 0.1,
+            "limits": {"units": [3], "propulsion": ["ADN monopropellant"]},
+        },
+        1.0e5,
+        5000.0,
+        1.0,
+        0.1,
+        3.9,
+        None,
+        "Casini et al., Aerospace 8 (2021) 9: 3.9 kg, 385 m/s; a study",
+        "The study takes miniature parts. The catalogue's transponder and its thrusters for 100 mN, both as flown on 6U and more, "
+        "leave no room in 3U.",
+    ),
+)
+
+
+def sized(one: Built) -> Spacecraft | Refusal:
+    """What the designer makes of what a spacecraft had to do."""
+    margins = {"relief": 1.0}
+    asked = Requirement.model_validate({"name": one.name, "scenario": SCENARIO, "margins": margins, **one.asked})
+    seen = Encounter(
+        area_m2=1.0,
+        extent_m=100.0,
+        speed=one.speed,
+        altitude_m=one.altitude_m,
+        sun_m=one.sun_au * AU,
+        earth_m=one.earth_au * AU,
+        surface=surface_of(Photometry(law="lambert", albedo=0.15)),
+        interval_s=10.0,
+    )
+    size = SIZES[one.units]
+    detector = next(each for each in DETECTORS if each.name == one.detector)
+    payload = payload_for(asked, seen, size, one.altitude_m, detector)
+    if isinstance(payload, Refusal):
+        return payload
+    return size_spacecraft(asked, load_scenario(SCENARIO), seen, size, payload)
+
+
+def _row(one: Built) -> str:
+    found, panels = sized(one), "-" if one.panels_w is None else f"{one.panels_w:g}"
+    asked = f"{one.asked['delta_v_m_s']:g} m/s, {one.sun_au:g} au from the Sun, {one.earth_au:g} au from Earth"
+    if isinstance(found, Refusal):
+        return f"| {one.name}, {one.units}U | {asked} | {one.mass_kg:g} | refused | - | {panels} | - |"
+    difference = 100.0 * (found.mass_kg / one.mass_kg - 1.0)
+    given = found.available_w * one.sun_au**2
+    return (
+        f"| {one.name}, {one.units}U | {asked} | {one.mass_kg:g} | {found.mass_kg:.1f} | {difference:+.0f} % | {panels} | "
+        f"{given:.0f} |"
+    )
+
+
+def main() -> None:
+    """Write the page."""
+
+    within = [
+        one
+        for one in BUILT
+        if isinstance(found := sized(one), Spacecraft) and abs(found.mass_kg / one.mass_kg - 1.0) <= 0.15
+    ]
+    names = ", ".join(one.name for one in within) or "none"
+    lines = [
+        "# Sized and built",
+        "",
+        "What the spacecraft designer makes of what other spacecraft had to do, by `python -m scripts.pages.sized`: their size,",
+        "thrusters, pixel, distances and contacts, as far as their sources tell; the rest by default, margins included. It looks for",
+        "the lightest that does it.",
+        "",
+        f"Within 15 % of the mass: {names}, of {len(BUILT)}. **Take the masses as lower bounds**: what is built carries what no key",
+        "asks for, as named below. The catalogue was given the share for cables, brackets and shielding, and a heavier attitude",
+        "unit, after a first comparison with these five had come out lighter still: they are no independent check of those two.",
+        "",
+        "| spacecraft | had to do | launched or planned [kg] | sized [kg] | difference | panels at 1 au [W] | sized panels at 1 au [W] |",
+        "|---|---|---|---|---|---|---|",
+        *map(_row, BUILT),
+        "",
+    ]
+    for one in BUILT:
+        found = sized(one)
+        words = f" Refused: {found.words}." if isinstance(found, Refusal) else ""
+        lines += [f"**{one.name}.** {one.why}{words} Source: {one.source}.", ""]
+    write_text(PAGE, "\n".join(lines))
+
+
+if __name__ == "__main__":
+    main()
