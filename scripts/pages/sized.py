@@ -1,4 +1,4 @@
-"""Write docs/results/sized.md, spacecraft that were built or studied beside what the designer makes: python -m scripts.pages.sized.
+"""Write docs/results/sized.md, spacecraft from elsewhere beside what the designer makes: python -m scripts.pages.sized.
 
 Each is described by what it had to do, as far as its sources tell, and sized as `swarm-mj ideas` sizes one.
 """
@@ -73,8 +73,8 @@ BUILT = (
         0.976,
         13.5,
         35.0,
-        "NASA's press kit of InSight (13.5 kg, 35 W at Earth, 17 W at Mars, 8 kbit/s); 755 N s of its thrusters by VACCO's data "
-        "sheet over 13.5 kg; contacts of 2 h a day and a receiver that is off most of the time are assumed",
+        "NASA's press kit of InSight (13.5 kg, 35 W at Earth, 17 W at Mars, 8 kbit/s); 755 N s of its thrusters by VACCO's "
+        "data sheet over 13.5 kg; contacts of 2 h a day and a receiver that is off most of the time are assumed",
         "Its UHF receiver with a deployed loop is not asked for.",
     ),
     Built(
@@ -116,8 +116,8 @@ BUILT = (
         20.0,
         None,
         "eoPortal (some 20 kg); Nett, TU Delft (203 m/s; thrusters of 5.56 kg full, a second set of 0.82 kg)",
-        "Thrusters of two kinds, 6.4 kg full where the designer's weigh 2.4 kg; gimballed panels; a camera with a long baffle for "
-        "flashes on the night side, which signal on sunlit ground does not ask for. 28 kg are planned by now.",
+        "Thrusters of two kinds, 6.4 kg full where the designer's weigh 2.4 kg; gimballed panels; a camera with a long baffle "
+        "for flashes on the night side, which signal on sunlit ground does not ask for. 28 kg are planned by now.",
     ),
     Built(
         "M-Argo",
@@ -157,8 +157,8 @@ BUILT = (
         3.9,
         None,
         "Casini et al., Aerospace 8 (2021) 9: 3.9 kg, 385 m/s; a study",
-        "The study takes miniature parts. The catalogue's transponder and its thrusters for 100 mN, both as flown on 6U and more, "
-        "leave no room in 3U.",
+        "The study takes miniature parts. The catalogue's transponder and its thrusters for 100 mN, both as flown on 6U and "
+        "more, leave no room in 3U.",
     ),
 )
 
@@ -200,7 +200,6 @@ def _row(one: Built) -> str:
 
 def main() -> None:
     """Write the page."""
-
     within = [
         one
         for one in BUILT
@@ -210,15 +209,16 @@ def main() -> None:
     lines = [
         "# Sized and built",
         "",
-        "What the spacecraft designer makes of what other spacecraft had to do, by `python -m scripts.pages.sized`: their size,",
-        "thrusters, pixel, distances and contacts, as far as their sources tell; the rest by default, margins included. It looks for",
-        "the lightest that does it.",
+        "What the spacecraft designer makes of what other spacecraft had to do, by `python -m scripts.pages.sized`: their",
+        "size, thrusters, pixel, distances and contacts, as far as their sources tell; the rest by default, margins included.",
+        "It looks for the lightest that does it.",
         "",
-        f"Within 15 % of the mass: {names}, of {len(BUILT)}. **Take the masses as lower bounds**: what is built carries what no key",
-        "asks for, as named below. The catalogue was given the share for cables, brackets and shielding, and a heavier attitude",
-        "unit, after a first comparison with these five had come out lighter still: they are no independent check of those two.",
+        f"Within 15 % of the mass: {names}, of {len(BUILT)}. **Take the masses as lower bounds**: what is built carries what",
+        "no key asks for, as named below. The catalogue was given the share for cables, brackets and shielding, and a heavier",
+        "attitude unit, after a first comparison with these five had come out lighter still: they are no independent check",
+        "of those two.",
         "",
-        "| spacecraft | had to do | launched or planned [kg] | sized [kg] | difference | panels at 1 au [W] | sized panels at 1 au [W] |",
+        "| spacecraft | had to do | built [kg] | sized [kg] | difference | panels at 1 au [W] | sized panels [W] |",
         "|---|---|---|---|---|---|---|",
         *map(_row, BUILT),
         "",

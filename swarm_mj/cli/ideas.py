@@ -26,8 +26,8 @@ def add(commands: argparse._SubParsersAction) -> None:
         "ideas",
         _ideas,
         "size spacecraft and design a swarm from a requirement; look up kept studies",
-        "Carry a requirement through spacecraft designer, swarm designer, flight and campaign, or prove what forbids it; every study "
-        "is kept. Exit status 1 where the requirement is not met, or a rerun differs.",
+        "Carry a requirement through spacecraft designer, swarm designer, flight and campaign, or prove what forbids it; every "
+        "study is kept. Exit status 1 where the requirement is not met, or a rerun differs.",
     )
     ideas.add_argument(
         "what", metavar="WHAT", help="YAML file of a requirement; or list, show STUDY, compare STUDY STUDY, rerun STUDY"

@@ -50,7 +50,14 @@ from swarm_mj.scenarios.schema import Scenario
 #: Share to which a value is relaxed.
 FINE = 0.01
 #: Values that are relaxed, by what factor at most, and in how many steps that is looked for.
-EASED, STEPS = {"resolution_m": 1e4, "deliver_within_h": 1e3, "contact_h": 1.0 / 16.0, "min_snr": 1e-2}, 13
+EASED = {
+    "resolution_m": 1e4,
+    "deliver_within_h": 1e3,
+    "contact_h": 1.0 / 16.0,
+    "listen_share": 1.0 / 64.0,
+    "min_snr": 1e-2,
+}
+STEPS = 13
 #: How often a kind is sized anew for a faster link, and what the flown delivery is called.
 SLOWEST, ON_EARTH = 3, "all pictures on Earth after"
 Said = Callable[[str], None]

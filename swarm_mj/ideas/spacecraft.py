@@ -387,22 +387,20 @@ def size_spacecraft(
     bits = kept * payload.detector.pixels**2 * scenario.data.bits_per_pixel / scenario.data.compression
     share, g_over_t = asked.contact_h / 24.0, max(s.g_over_t_db_k for s in stations_from(scenario.link.ground))
     links, hours = [], []
-    slowest = 0.0
+    fastest = 0.0
     for link in EARTH_LINKS:
+        if link.least_units > size.units:
+            continue
         rate_bit_s = float(rates_bit_s(CATALOGUE[link.radio], g_over_t, seen.earth_m))
-        slowest = max(slowest, rate_bit_s)
-        if (
-            link.least_units <= size.units
-            and rate_bit_s > 0.0
-            and bits / rate_bit_s / 3600.0 / share <= asked.deliver_within_h
-        ):
+        fastest = max(fastest, rate_bit_s)
+        if rate_bit_s > 0.0 and (send_h := bits / rate_bit_s / 3600.0 / share) <= asked.deliver_within_h:
             links.append(link)
-            hours.append(bits / rate_bit_s / 3600.0 / share)
+            hours.append(send_h)
     if not links:
         return Refusal(
             "data",
             asked.deliver_within_h,
-            bits / slowest / 3600.0 / share if slowest > 0.0 else np.inf,
+            bits / fastest / 3600.0 / share if fastest > 0.0 else np.inf,
             f"{bits / 1e6:,.0f} Mbit of {kept} pictures over {seen.earth_m / AU:.2f} au do not arrive within "
             f"{asked.deliver_within_h:g} h by any radio that {size.units}U carry",
         )

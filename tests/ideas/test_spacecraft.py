@@ -150,6 +150,9 @@ def test_what_cannot_be_built_is_refused_with_its_numbers():
     assert isinstance(dim, Refusal) and dim.cause == "signal" and dim.allowed < 20.0 == dim.needed
     _, far = sized(deliver_within_h=0.01)
     assert isinstance(far, Refusal) and far.cause == "data" and far.needed > 0.01
+    # What 3U do not carry does not count: the patch alone is slower by far.
+    _, small = sized(units=3, deliver_within_h=0.01, limits={"units": [3]})
+    assert small.needed > 50.0 * far.needed
     _, agile = sized(turn_s=1.0)
     assert isinstance(agile, Refusal) and agile.cause == "wheels"
     given = asked()
