@@ -267,3 +267,16 @@ def test_every_kind_of_thrusters_can_be_flown(propulsion):
 def test_wrong_requirements_are_refused_by_name(changes, words):
     with pytest.raises(ScenarioError, match=words):
         load_requirement({"name": "test", "scenario": "bennu-slow", "resolution_m": 0.2, **changes})
+
+
+def test_the_page_of_built_spacecraft_is_current_and_marco_is_met():
+    from scripts.pages import sized as built
+
+    page = built.PAGE.read_text("utf-8")
+    found = {one.name: built.sized(one) for one in built.BUILT}
+    for one in built.BUILT:
+        sized_kg = getattr(found[one.name], "mass_kg", None)
+        assert f"| {one.mass_kg:g} | {'refused' if sized_kg is None else f'{sized_kg:.1f}'} |" in page
+    marco = found["MarCO"]
+    assert marco.mass_kg == pytest.approx(13.5, rel=0.15)
+    assert marco.available_w * 1.43**2 == pytest.approx(35.0, rel=0.25)

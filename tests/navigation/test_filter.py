@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.stats import chi2
 
-from swarm_mj.navigation.filter import FilterNoise, SwarmFilter
+from swarm_mj.navigation.filter import OWN, FilterNoise, SwarmFilter
 from swarm_mj.navigation.picture import Fix
 
 GM = 4.46e5
@@ -60,9 +60,11 @@ def flight(rng, noise, ranges, steps=8, dt=120.0):
         if ranges:
             update = each.use_range(0, 1, float(np.linalg.norm(r[1] - r[0]) + rng.normal()), 1.0)
             nis, dof = nis + update.nis, dof + 1
-    error = np.concatenate((r - each.r_N, v - each.v_N), axis=1)
-    nees = sum(error[j] @ np.linalg.solve(each.covariance(j), error[j]) for j in range(2))
-    return nees, nis, dof
+    # Both together: what they share, as the body's turn, makes their errors alike.
+    error = np.concatenate((r - each.r_N, v - each.v_N), axis=1).ravel()
+    both = [OWN * j + k for j in range(2) for k in range(6)]
+    assert np.allclose(each.P[:6, :6], each.covariance(0))
+    return error @ np.linalg.solve(each.P[np.ix_(both, both)], error), nis, dof
 
 
 @pytest.mark.parametrize(
