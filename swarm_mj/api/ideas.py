@@ -16,7 +16,7 @@ from swarm_mj.api.design import Design
 from swarm_mj.api.flight import fly
 from swarm_mj.campaigns.promise import fly_promise
 from swarm_mj.errors import OutputError
-from swarm_mj.ideas.knowledge import Kept, KnowledgeBase, differences, rerun, scenario_text
+from swarm_mj.ideas.knowledge import Kept, KnowledgeBase, differences, nearest, rerun, scenario_text
 from swarm_mj.ideas.knowledge import study as carry
 from swarm_mj.ideas.report import study_html
 from swarm_mj.ideas.requirement import Requirement, load_requirement
@@ -48,9 +48,11 @@ class Studied:
 
     Attributes:
         kept: The study as the knowledge base has it.
+        nearest: That of the nearest requirement that a swarm meets, where `nearest` asks for it; None: none, or not looked for.
     """
 
     kept: Kept
+    nearest: Studied | None = None
 
     @property
     def record(self) -> dict[str, Any]:
@@ -119,7 +121,12 @@ class Studied:
         """What it came to, one sentence each."""
         record, name = self.record, self.kept.name
         if record["spacecraft"] is None:
-            return [f"{name}: cannot be met: {record['forbids']}"]
+            words = [f"{name}: cannot be met: {record['forbids']}"]
+            if self.nearest is not None:
+                words += [f"{name}: the nearest that can: {said}" for said in self.nearest.sentences]
+            elif self.kept.requirement.nearest:
+                words.append(f"{name}: no swarm was found for coarser resolutions either")
+            return words
         sized = record["spacecraft"]
         met = "meet it, as flown" if self.closed else "do not meet it, as flown"
         idle = record["spacecraft_count"] - record["observers"]
@@ -187,8 +194,12 @@ def study(
     asked, place = load_requirement(requirement), KnowledgeBase(base)
     folder = None if out is None else _made(Path(out))
     with using_bars(progress) as bars, _campaigns(folder, workers, bars) as campaign:
-        found, kept = carry(asked, place, campaign=campaign, workers=workers, say=_teller(asked.name, bars))
-        studied = Studied(kept)
+        say = _teller(asked.name, bars)
+        found, kept = carry(asked, place, campaign=campaign, workers=workers, say=say)
+        near = None
+        if asked.nearest and not found.closed:
+            near = nearest(asked, kept, place, campaign=campaign, workers=workers, say=say)
+        studied = Studied(kept, None if near is None else Studied(near))
         if folder is not None:
             # The evidence that the report points to, as `swarm-mj fly` and `swarm-mj design` write it.
             if found.design is not None:
@@ -197,6 +208,8 @@ def study(
             if found.scenario is not None:
                 fly(found.scenario, out=folder / "flight", progress=bars)
             studied.save(folder)
+            if studied.nearest is not None:
+                studied.nearest.save(folder / "nearest")
     return studied
 
 

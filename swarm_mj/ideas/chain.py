@@ -60,6 +60,14 @@ EASED = {
 STEPS = 13
 #: How often a kind is sized anew for a faster link, and what the flown delivery is called.
 SLOWEST, ON_EARTH = 3, "all pictures on Earth after"
+#: What a requirement that a flight misses is called in the file.
+RELAXED = {
+    "share seen at the resolution": "share_percent",
+    ON_EARTH: "deliver_within_h",
+    "velocity by thrusters": "delta_v_m_s",
+    "velocity by the deployer": "limits.deployer_m_s",
+    "probability of that share": "probability",
+}
 Said = Callable[[str], None]
 
 
@@ -141,7 +149,8 @@ class Study:
         checks: Requirement by requirement, as flown.
         flown: The flight; None likewise.
         forbids: Why it cannot be met, and by how much it must be relaxed; empty: it is met.
-        relaxed: Ways to change it with which a spacecraft can be built, values by key each; empty likewise.
+        relaxed: Ways to change it with which a spacecraft can be built, or with what a swarm reached that misses nothing else,
+            values by key each; empty likewise.
         drivers: What each value of the requirement does.
         sobol: Sobol' indices of what drives; empty: not asked for, or nothing varies, or points of the sample cannot be built.
         unbuilt: Share of the points of that sample of which no spacecraft can be built [-].
@@ -271,7 +280,7 @@ def run_study(
         "taken": search.taken,
     }
     if best is None:
-        forbids, relaxed = _forbidden(asked, scenario, seen, tried, built)
+        forbids, relaxed = _forbidden(asked, scenario, seen, tried, search.near)
         told |= {
             "spacecraft": None,
             "scenario": None,
@@ -316,6 +325,8 @@ class _Search:
         self.tried: list[Tried] = []
         self.best: _Best | None = None
         self.taken = ""
+        #: Of swarms that miss one requirement alone, its key and by how much.
+        self.near: list[tuple[str, Check]] = []
         # Kinds need no fewer than the known study has proven for what is easier to see; where pixels are so coarse that
         # cells lack some, finer ones may show more.
         self.harder = (
@@ -350,7 +361,7 @@ class _Search:
         least, limits = self.least(one), self.asked.limits
         bound, allowed = self.weight(one, least), limits.swarm_kg or np.inf
         room = (least + self.seen.idle) * one.size.units
-        if self.best is not None and self.best.rank == rank and bound >= self.best.weight:
+        if self.best is not None and self.best.rank == rank and self.best.flown.plan.n_observers <= least:
             return
         if limits.swarm_u is not None and room > limits.swarm_u:
             words = f"{least} or more take up {room} U, {limits.swarm_u:g} U are allowed"
@@ -409,7 +420,7 @@ class _Search:
                     self.tried.append(Tried(one.name, one.mass_kg, bound, None, f"flight: {error}", proven=proven))
                 return False
             late = next((c for c in checks if c.requirement == ON_EARTH), None)
-            if only_if_met or late is None or late.met or not np.isfinite(late.reached):
+            if late is None or late.met or not np.isfinite(late.reached):
                 break
             # What the flight took longer goes back to the designer of the spacecraft: a link that is faster by as much.
             tighter = one.send_h * late.asked / late.reached
@@ -421,6 +432,8 @@ class _Search:
         missed = [check for check in checks if not check.met]
         if only_if_met and missed:
             return False
+        if len(missed) == 1 and np.isfinite(missed[0].reached) and (key := RELAXED.get(missed[0].requirement)):
+            self.near.append((key, missed[0]))
         n, weight = flight.plan.n_observers, flight.plan.n * one.mass_kg
         words = f"{n} {'observer' if n == 1 else 'observers'}, {weight:.3g} kg, {words}"
         if missed:
@@ -507,13 +520,16 @@ def _delivered_h(asked: Requirement, delivery: Delivery, end_s: float) -> tuple[
 
 
 def _forbidden(
-    asked: Requirement, scenario: Scenario, seen: Encounter, tried: Sequence[Tried], built: Sequence[Spacecraft]
+    asked: Requirement, scenario: Scenario, seen: Encounter, tried: Sequence[Tried], near: Sequence[tuple[str, Check]]
 ) -> tuple[str, tuple[dict[str, float], ...]]:
     """Why nothing meets a requirement, in words, and ways to change it with which a spacecraft can be built."""
-    if built:
-        refused = [one for one in tried if one.mass_kg is not None]
+    if built := [one for one in tried if one.mass_kg is not None]:
         what = f"{len(built)} kinds of spacecraft can be built, but no swarm of any of them meets it"
-        return f"{what}; {refused[0].kind}: {refused[0].words}", ()
+        words = f"{what}; {built[0].kind}: {built[0].words}"
+        if not near:
+            return words, ()
+        key, missed = min(near, key=lambda pair: abs(pair[1].reached / pair[1].asked - 1.0))
+        return f"{words}; it takes {key} = {missed.reached:.4g}, as flown", ({key: missed.reached},)
     causes = sorted({one.words.partition(":")[0] for one in tried})
     nearest = min(tried, key=lambda one: (ORDER.index(one.words.partition(":")[0]), one.short))
     ways = _relaxations(asked, scenario, seen)

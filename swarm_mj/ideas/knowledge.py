@@ -27,6 +27,8 @@ from swarm_mj.scenarios.loading import load_scenario
 
 #: How unlike a study that another one begins with may be: the logarithm of the largest ratio of what is asked.
 NEAR = np.log(2.0)
+#: Steps in which the nearest requirement is looked for, and by what factor each is coarser than the one before.
+NEAREST, COARSER = 8, 1.25
 #: How long a writer waits for another one [s].
 PATIENCE_S = 60.0
 _TABLE = """CREATE TABLE IF NOT EXISTS studies (
@@ -210,6 +212,31 @@ def study(
         say(f"begins with what the study {like.id} ({like.name}) found")
     found = run_study(asked, known=known_from(like), campaign=campaign, workers=workers, say=say)
     return found, base.keep(asked, record_of(found), "" if like is None else like.id, found.wall_s)
+
+
+def nearest(
+    asked: Requirement,
+    found: Kept,
+    base: KnowledgeBase,
+    *,
+    workers: int | None = None,
+    say: Said | None = None,
+    **also: Any,
+) -> Kept | None:
+    """The study of the nearest requirement that a swarm meets, where none meets one; None: none was found in `NEAREST` steps.
+
+    Each step is a study of its own, which is kept.
+    """
+    ways = found.record["relaxed"]
+    way = next((way for way in ways if "resolution_m" in way), ways[0] if ways else {})
+    easier = asked.eased(way).model_copy(update={"sobol": 0, "nearest": False})
+    for _ in range(NEAREST):
+        easier = easier.model_copy(update={"name": f"{asked.name}, {easier.resolution_m:.4g} m"})
+        _, kept = study(easier, base, workers=workers, say=say, **also)
+        if kept.record["closed"]:
+            return kept
+        easier = easier.with_value("resolution_m", COARSER * easier.resolution_m)
+    return None
 
 
 def differences(one: Any, other: Any, key: str = "") -> list[tuple[str, Any, Any]]:

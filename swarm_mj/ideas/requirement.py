@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -140,6 +141,11 @@ class Requirement(Section):
     )
     delta_v_m_s: float = Field(0.0, ge=0, le=1e4, description="that thrusters must give [m/s]; 0: there are none")
     turn_s: float = Field(120.0, gt=0, le=1e5, description="time in which it turns by 180 deg, from rest to rest [s]")
+    nearest: bool = Field(
+        False,
+        description="whether to look for a swarm where none meets it: by the way to relax it, then with the resolution a "
+        "quarter coarser at a time; takes as long as several studies",
+    )
     sobol: int = Field(
         0,
         ge=0,
@@ -200,6 +206,16 @@ class Requirement(Section):
         if not section:
             return self.model_copy(update={name: value})
         return self.model_copy(update={section: getattr(self, section).model_copy(update={name: value})})
+
+    def eased(self, way: Mapping[str, float]) -> Requirement:
+        """The requirement relaxed, see `Study.relaxed`."""
+        found = self
+        for key, value in way.items():
+            if key == "limits.units":
+                found = found.model_copy(update={"limits": found.limits.model_copy(update={"units": (int(value),)})})
+            else:
+                found = found.with_value(key, int(value) if key == "limits.spacecraft" else value)
+        return found
 
     def no_harder_to_see(self, other: Requirement) -> bool:
         """Whether a spacecraft that is sized for it needs no more like it than one for another requirement does for that.

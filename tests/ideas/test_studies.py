@@ -100,6 +100,24 @@ def test_the_study_tells_what_drives_it_and_what_else_could_be_chosen(study, tmp
     assert "http" not in page.replace("http-equiv", "") and "NOT MET" not in page
 
 
+def test_where_none_can_the_nearest_is_found_and_kept(bare, tmp_path):
+    asked = {
+        **CASE,
+        "name": "bright",
+        "min_snr": 5000,
+        "nearest": True,
+        "limits": {"units": [6], "altitudes_m": [1000]},
+    }
+    found = sm.study(asked, base=tmp_path / "base.sqlite", out=tmp_path / "out")
+    assert not found.closed and "signal" in found.record["forbids"] and found.nearest.closed
+    way = next((way for way in found.record["relaxed"] if "resolution_m" in way), found.record["relaxed"][0])
+    eased = found.nearest.kept.requirement
+    assert all(eased.value(key) == value for key, value in way.items()) and not eased.nearest
+    assert any("the nearest that can: bright, " in words for words in found.sentences)
+    assert len(sm.studies(tmp_path / "base.sqlite")) == 2 and (tmp_path / "out" / "nearest" / "scenario.yaml").is_file()
+    assert load_requirement(CASE).eased({"limits.units": 12.0, "limits.spacecraft": 30.0}).limits.units == (12,)
+
+
 def test_the_papers_requirement_is_proven_impossible_with_its_limit():
     """Ten centimetres of 14.6 km^2 in single pictures: pixels of 4096 x 4096 show 0.168 km^2 each."""
     found = run_study(load_requirement(PAPER))
@@ -191,6 +209,11 @@ def test_a_link_that_is_too_slow_in_flight_is_sized_anew(bare):
     again = next(check for check in fast.checks if check.requirement == chain.ON_EARTH)
     assert again.met and again.reached < 0.8 * late.reached and fast.spacecraft.link != slow.spacecraft.link
     assert fast.spacecraft.name == slow.spacecraft.name
+    # So it is where the swarm is known: it is sized anew, not designed.
+    swarm = {key: getattr(fast.scenario.design, key) for key in ("visiting_points", "observers")}
+    known = chain.Known(fast.requirement, fast.spacecraft.name, {}, swarm)
+    again = run_study(fast.requirement, known=known)
+    assert (again.design, again.spacecraft.link) == (None, fast.spacecraft.link) and again.taken
 
 
 def test_campaigns_decide_whether_a_probability_is_kept(bare):
@@ -211,6 +234,7 @@ def test_campaigns_decide_whether_a_probability_is_kept(bare):
     broken = run_study(asked, campaign=campaign(0.85))
     assert not broken.closed and "no swarm of any of them meets it" in broken.forbids
     assert any("probability of that share 0.8, not 0.9" in one.words for one in broken.tried)
+    assert broken.relaxed == ({"probability": 0.8},) and broken.forbids.endswith("it takes probability = 0.8, as flown")
 
 
 def test_room_and_deployers_limit_swarms(bare):
@@ -221,6 +245,7 @@ def test_room_and_deployers_limit_swarms(bare):
     limits = {**CASE["limits"], "units": [6], "deployer_m_s": 1.0}
     weak = run_study(load_requirement({**CASE, "changes": changes, "limits": limits}))
     assert not weak.closed and any("velocity by the deployer" in one.words for one in weak.tried)
+    assert weak.relaxed[0]["limits.deployer_m_s"] > 1.0
 
 
 def test_sobol_indices_tell_what_drives_and_what_does_not():
