@@ -239,12 +239,10 @@ class SwarmFilter:
         H = np.zeros((1, len(self.x)))
         H[0, OWN * j : OWN * j + 3] = between / distance
         H[0, OWN * i : OWN * i + 3] = -between / distance
-        # To second order in what lies across, of which a Gaussian one makes the distance longer, and less certain.
+        # To second order the distance is longer by what lies across: believed less where positions are poorly known.
         rows = self.S[OWN * j : OWN * j + 3] - self.S[OWN * i : OWN * i + 3]
-        u = between / distance
-        across = (np.eye(3) - np.outer(u, u)) @ rows @ rows.T / distance
-        longer, more = 0.5 * float(np.trace(across)), 0.5 * float(np.trace(across @ across))
-        return self._use(np.array([measured - distance - longer]), H, np.array([[sigma**2 + more]]))
+        across = float((rows**2).sum()) - float((H @ self.S @ self.S.T @ H.T)[0, 0])
+        return self._use(np.array([measured - distance]), H, np.array([[sigma**2 + (0.5 * across / distance) ** 2]]))
 
     def _use(self, y: Array, H: Array, R: Array) -> Update:
         """Measurement update, unless it is a wild one."""
