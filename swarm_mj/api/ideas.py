@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -133,9 +133,9 @@ class Studied:
         more = f" and {idle} like them that only communicate{'s' if idle == 1 else ''}" if idle else ""
         losses = "" if self.kept.requirement.probability else "losses, dispersions, "
         words = [
-            f"{name}: {record['observers']} of {sized['kind']}{more}, {sized['mass_kg']:.3g} kg each, {met}; the lightest "
-            f"swarm among {len(record['tried'])} kinds of spacecraft. Not covered: {losses}launch, cruise, cost, radiation, "
-            "and heat but for a bound; component numbers are those of classes"
+            f"{name}: {record['observers']} of {sized['kind']}{more}, {sized['mass_kg']:.3g} kg each, {met}; "
+            f"{self._how_light(idle)} among {len(record['tried'])} kinds of spacecraft. Not covered: {losses}launch, cruise, "
+            "cost, radiation, and heat but for a bound; component numbers are those of classes"
         ]
         words += [f"{name}: took {record['taken']} from the study {self.kept.took}"] if record["taken"] else []
         words += [
@@ -151,6 +151,15 @@ class Studied:
                 f"{name}: of {share:.3g} % of the sample for Sobol' indices nothing can be built: there are none of its mass"
             )
         return words
+
+    def _how_light(self, idle: int) -> str:
+        """Whether a lighter swarm is ruled out: by the proofs of kinds that were designed, the bounds of the others."""
+        weight = self.record["swarm_kg"]
+        designed = [one for one in self.record["tried"] if one["proven"] is not None]
+        beyond = [one["kind"] for one in designed if (one["proven"] + idle) * one["mass_kg"] < weight - 1e-9]
+        if beyond:
+            return f"the lightest found, lighter ones of {', '.join(beyond)} are not ruled out,"
+        return "the lightest swarm"
 
     def save(self, folder: str | Path) -> Path:
         """Write `study.json`, `report.html` and, where there is a swarm, `scenario.yaml` that flies it, into a folder.
@@ -224,8 +233,7 @@ def _made(folder: Path) -> Path:
 @contextmanager
 def _campaigns(folder: Path | None, workers: int | None, bars: Progress | None) -> Iterator[Campaign]:
     """Flies campaigns into a folder, or nowhere that lasts."""
-    with ExitStack() as stack:
-        place = Path(stack.enter_context(TemporaryDirectory())) if folder is None else folder
+    with TemporaryDirectory() if folder is None else nullcontext(folder) as place:
 
         def campaign(scenario: schema.Scenario, asked: Requirement) -> tuple[Verified, str]:
             assert asked.probability is not None
@@ -234,7 +242,7 @@ def _campaigns(folder: Path | None, workers: int | None, bars: Progress | None) 
             counted = None if asked.quality == "seen" else asked.quality
             found = fly_promise(
                 scenario,
-                place / name,
+                Path(place) / name,
                 asked.flights,
                 asked.probability,
                 quality_class=counted,

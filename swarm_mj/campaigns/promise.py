@@ -33,12 +33,18 @@ def fly_promise(
         quality_class: At which of `observation.classes` a face counts; None: by the scenario's criterion.
         workers: Processes; None: one per core.
         bars: Where to show how far it is.
+
+    Returns:
+        How many flights saw enough, with Wilson's 95 % interval of their share; those that failed did not.
     """
-    column = "coverage_percent" if quality_class is None else f"classes.{quality_class}"
-    campaign = {"name": f"{scenario.name}-verification", "runs": runs, "record": [column]}
+    record = ["coverage_percent"] if quality_class is None else [f"classes.{quality_class}"]
+    campaign = {"name": f"{scenario.name}-verification", "runs": runs, "record": record}
     resolved = load_campaign({**campaign, "scenarios": [{"scenario": scenario.model_dump(mode="json")}]})
     results = run_campaign(resolved, folder, workers=workers, resume=folder.exists(), bars=bars, figures=False).results
-    least = 100.0 - scenario.designer.tolerance_percent
-    met = sum(seen is not None and seen >= least for seen in results[column].to_pylist())
+    if quality_class is None:
+        met = sum(map(bool, results["covered"].to_pylist()))
+    else:
+        least = 100.0 - scenario.designer.tolerance_percent
+        met = sum(seen is not None and seen >= least for seen in results[record[0]].to_pylist())
     share = probability(met, runs)
     return Verified(runs, results["status"].to_pylist().count("failed"), met, share.low, share.high, promised)

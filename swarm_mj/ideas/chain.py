@@ -2,8 +2,9 @@
 
 Every kind of spacecraft (size, altitude, detector) has a lower bound of the swarm's mass: its own mass times the observers
 without which its pixels cannot sample the target. Kinds are tried in the order of that bound: the swarm designer proves how
-many are needed, and what it refuses goes back as a bound. The search ends where no bound is below the best swarm found: that is
-the lightest swarm among all kinds by the designer's own proof, or the proof that there is none among them. Then it is flown.
+many are needed, and the swarm is flown and held against the requirement. A link that is too slow in flight goes back to the
+designer of the spacecraft; a kind whose swarm misses anything else is left. The search ends where no bound is below the best
+swarm that flew: it is the lightest among all kinds, but for other designs of kinds that were left or not proven.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from swarm_mj.designer.study import Study as DesignStudy
 from swarm_mj.designer.study import Tell, Verified, study_design
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight.coordination import acts_alone
-from swarm_mj.flight.downlink import deliver
+from swarm_mj.flight.downlink import MOST_SPACECRAFT, deliver
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, observe_flight
 from swarm_mj.flight.plan import Plan, make_plan
@@ -289,8 +290,7 @@ def run_study(
             "checks": (),
             "flown": None,
         }
-        told |= {"design": None}
-        told |= {"forbids": forbids, "relaxed": relaxed}
+        told |= {"forbids": forbids, "relaxed": relaxed, "design": None}
     else:
         n = best.flown.plan.n_observers
         told |= {"spacecraft": best.spacecraft, "scenario": best.flown.plan.scenario, "observers": n}
@@ -419,8 +419,8 @@ class _Search:
                 if not only_if_met:
                     self.tried.append(Tried(one.name, one.mass_kg, bound, None, f"flight: {error}", proven=proven))
                 return False
-            late = next((c for c in checks if c.requirement == ON_EARTH), None)
-            if late is None or late.met or not np.isfinite(late.reached):
+            late = next(check for check in checks if check.requirement == ON_EARTH)
+            if late.met or not np.isfinite(late.reached):
                 break
             # What the flight took longer goes back to the designer of the spacecraft: a link that is faster by as much.
             tighter = one.send_h * late.asked / late.reached
@@ -490,9 +490,14 @@ def verify(
         at_most("volume of the swarm", limits.swarm_u, n * one.size.units, "U", "sizes of the standard"),
         at_least("signal to noise", asked.min_snr, one.payload.snr, "", "at incidence 45, emission 30, phase 60 deg"),
     ]
-    if result.delivery is not None:
+    if result.delivery is None:
+        hours, words = (
+            one.send_h,
+            f"as sized: the way to Earth of more than {MOST_SPACECRAFT} spacecraft is not computed",
+        )
+    else:
         hours, words = _delivered_h(asked, result.delivery, scenario.duration_s)
-        checks.append(at_most(ON_EARTH, asked.deliver_within_h, hours, "h", words, "flight"))
+    checks.append(at_most(ON_EARTH, asked.deliver_within_h, hours, "h", words, "flight"))
     if one.propulsion is not None and flown.summary.get("thrust_delta_v_m_s"):
         used = max(flown.summary["thrust_delta_v_m_s"].values())
         checks.append(at_most("velocity by thrusters", asked.delta_v_m_s, used, "m/s", "flown", "flight"))

@@ -229,7 +229,8 @@ def nearest(
     """
     ways = found.record["relaxed"]
     way = next((way for way in ways if "resolution_m" in way), ways[0] if ways else {})
-    easier = asked.eased(way).model_copy(update={"sobol": 0, "nearest": False})
+    easier = asked.eased(way or {"resolution_m": COARSER * asked.resolution_m})
+    easier = easier.model_copy(update={"sobol": 0, "nearest": False})
     for _ in range(NEAREST):
         easier = easier.model_copy(update={"name": f"{asked.name}, {easier.resolution_m:.4g} m"})
         _, kept = study(easier, base, workers=workers, say=say, **also)

@@ -12,6 +12,8 @@ from swarm_mj.reports.markup import Content, Html, document, table, tag
 POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 #: Of drawings: pixels a metre, and the edge around.
 SCALE, EDGE = 700.0, 30.0
+#: Of bars beside their names: height of a row, widths of both.
+ROW, NAMES, BARS = 26.0, 190.0, 420.0
 #: What Sobol' indices are of.
 OUTCOME_WORDS = {
     "can_be_built": "whether a spacecraft can be built",
@@ -51,6 +53,12 @@ def study_html(
 
 def _section(title: str, *content: Content) -> Html:
     return tag("section", tag("h2", title), *content)
+
+
+def _svg(shapes: Content, width: float, height: float, words: str) -> Html:
+    """A drawing that is as wide as the page at the most; `words` tell it to those who do not see it."""
+    view, style = f"0 0 {width:.0f} {height:.0f}", f"max-width:{width:.0f}px"
+    return tag("svg", shapes, viewBox=view, width="100%", style=style, role="img", aria_label=words)
 
 
 def _outcome(sentences: list[str]) -> Html:
@@ -152,10 +160,7 @@ def _drawing(sized: Mapping[str, Any]) -> Html:
     words = "10 cm; blue: panels, orange: optics; right: the face with the lens"
     shapes.append(tag("text", words, x=EDGE + 0.1 * SCALE + 8, y=foot + 5, fill="currentColor", font_size=14))
     width, height = max(face + SCALE * b, EDGE + 0.1 * SCALE + 480.0) + EDGE, foot + EDGE
-    view = f"0 0 {width:.0f} {height:.0f}"
-    return tag(
-        "svg", shapes, viewBox=view, width="100%", style=f"max-width:{width:.0f}px", role="img", aria_label=words
-    )
+    return _svg(shapes, width, height, words)
 
 
 def _drivers(record: Mapping[str, Any]) -> Html | None:
@@ -164,7 +169,7 @@ def _drivers(record: Mapping[str, Any]) -> Html | None:
     if not known:
         return None
     low, high, now = min(known), max(known), record["least_kg"]
-    span, step, names, bars = max(high - low, 1e-9), 26.0, 190.0, 420.0
+    span, step, names, bars = max(high - low, 1e-9), ROW, NAMES, BARS
     shapes: list[Content] = []
 
     def at(mass: float) -> float:
@@ -192,15 +197,7 @@ def _drivers(record: Mapping[str, Any]) -> Html | None:
     ]
     words = "Lower bound of the swarm's mass when each value alone is 1.2 times less (blue) or more (orange)"
     width = names + bars + 220.0
-    drawn = tag(
-        "svg",
-        shapes,
-        viewBox=f"0 0 {width:.0f} {foot + 20:.0f}",
-        width="100%",
-        style=f"max-width:{width:.0f}px",
-        role="img",
-        aria_label=words,
-    )
+    drawn = _svg(shapes, width, foot + 20.0, words)
     return _section("Which requirement drives", tag("p", words), drawn)
 
 
@@ -208,7 +205,7 @@ def _sobol(record: Mapping[str, Any]) -> Html | None:
     rows = record.get("sobol") or []
     if not rows:
         return None
-    step, names, bars = 26.0, 190.0, 420.0
+    step, names, bars = ROW, NAMES, BARS
     drawings: list[Content] = []
     for outcome in dict.fromkeys(row["outcome"] for row in rows):
         shapes: list[Content] = []
@@ -226,11 +223,8 @@ def _sobol(record: Mapping[str, Any]) -> Html | None:
             tag("text", f"{share:g}", x=names + bars * share - 5, y=foot + 8, fill="currentColor", font_size=13)
             for share in (0.0, 0.5, 1.0)
         ]
-        view, style = f"0 0 {names + bars + 30:.0f} {foot + 20:.0f}", f"max-width:{names + bars + 30:.0f}px"
         drawings.append(tag("h3", OUTCOME_WORDS[outcome]))
-        drawings.append(
-            tag("svg", shapes, viewBox=view, width="100%", style=style, role="img", aria_label=OUTCOME_WORDS[outcome])
-        )
+        drawings.append(_svg(shapes, names + bars + 30.0, foot + 20.0, OUTCOME_WORDS[outcome]))
     words = (
         "Sobol' indices: the share of the variance by each value alone (blue) and with its interactions (orange), lines: 95 % "
         "intervals; all values at once and evenly between 1.2 times less and more, by bounds: nothing is flown"

@@ -15,6 +15,9 @@ from swarm_mj.scenarios.explaining import explained, listed
 from swarm_mj.scenarios.schema_quality import PACKAGED
 from swarm_mj.scenarios.section import Section
 
+#: What may differ between requirements of which one is no harder to see than the other.
+NOT_OF_KINDS = ("name", "resolution_m", "share_percent", "flights", "nearest", "sobol")
+
 
 class Limits(Section):
     """What a swarm may be."""
@@ -220,15 +223,11 @@ class Requirement(Section):
     def no_harder_to_see(self, other: Requirement) -> bool:
         """Whether a spacecraft that is sized for it needs no more like it than one for another requirement does for that.
 
-        Of each kind the camera of the finer resolution has the finer pixels, and sees no more with each of them.
+        Of each kind the camera of the finer resolution has the finer pixels, and sees no more with each of them. All else that
+        is asked is the same: masses and wheels decide how soon a turn is over, and with that which pictures count.
         """
-        alike = ("scenario", "changes", "quality", "probability")
-        return (
-            all(getattr(self, key) == getattr(other, key) for key in alike)
-            and self.margins.relief == other.margins.relief
-            and self.resolution_m >= other.resolution_m
-            and self.share_percent <= other.share_percent
-        )
+        alike = self.model_copy(update={key: getattr(other, key) for key in NOT_OF_KINDS}) == other
+        return alike and self.resolution_m >= other.resolution_m and self.share_percent <= other.share_percent
 
 
 def load_requirement(source: str | Path | dict[str, Any]) -> Requirement:

@@ -24,10 +24,12 @@ CHANGE = 1.2
 #: Values that are changed, by key, and the least and the most that they may become.
 DRIVERS = {
     **dict.fromkeys(
-        ("resolution_m", "min_snr", "max_blur_px", "deliver_within_h", "contact_h", "delta_v_m_s", "turn_s"),
+        ("resolution_m", "min_snr", "max_blur_px", "deliver_within_h", "delta_v_m_s", "turn_s"),
         (0.0, np.inf),
     ),
     "share_percent": (0.0, 100.0),
+    "contact_h": (0.0, 24.0),
+    "listen_share": (0.0, 1.0),
     **dict.fromkeys(("margins.mass", "margins.power"), (0.0, np.inf)),
     **dict.fromkeys(("margins.relief", "margins.overlap"), (1.0, np.inf)),
     **dict.fromkeys(("margins.cells", "margins.battery"), (0.0, 1.0)),
@@ -151,9 +153,8 @@ def sobol_indices(
     for done, (row, outcome) in enumerate(run_jobs(jobs, _outcome, workers=count, setup=_opened, arguments=arguments)):
         found[row] = outcome
         tell((done + 1) / len(values))
-    return _indices(list(ends), found.reshape(asked.sobol, len(ends) + 2, len(OUTCOMES))), float(
-        1.0 - found[:, 0].mean()
-    )
+    unbuilt = 1.0 - float(found[:, 0].mean())
+    return _indices(list(ends), found.reshape(asked.sobol, len(ends) + 2, len(OUTCOMES))), unbuilt
 
 
 def _opened(asked: str, scenario: Scenario, seen: Encounter) -> tuple[Requirement, Scenario, Encounter]:

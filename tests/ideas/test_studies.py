@@ -237,6 +237,21 @@ def test_campaigns_decide_whether_a_probability_is_kept(bare):
     assert broken.relaxed == ({"probability": 0.8},) and broken.forbids.endswith("it takes probability = 0.8, as flown")
 
 
+def test_what_is_not_flown_or_not_proven_is_said(study, bare, monkeypatch, tmp_path):
+    one_kind = {**CASE, "limits": {"units": [6], "altitudes_m": [1000]}}
+    monkeypatch.setattr(chain, "deliver", lambda *_, **__: None)  # as of more spacecraft than are looked at
+    found = run_study(load_requirement(one_kind))
+    check = next(check for check in found.checks if check.requirement == chain.ON_EARTH)
+    assert check.reached == found.spacecraft.send_h and check.evidence.startswith("as sized")
+    assert "the lightest swarm among" in study.sentences[0]
+    # A kind whose swarm failed, where the proof left room for a lighter one.
+    record = json.loads(json.dumps(study.record))
+    record["tried"].append({**record["tried"][-1], "kind": "another", "proven": 0, "mass_kg": 0.9 * record["swarm_kg"]})
+    KnowledgeBase(tmp_path / "base.sqlite").keep(study.kept.requirement, record, "", 0.0)
+    doubtful = sm.open_study("map", tmp_path / "base.sqlite").sentences[0]
+    assert "the lightest found, lighter ones of another are not ruled out, among" in doubtful
+
+
 def test_room_and_deployers_limit_swarms(bare):
     limits = {**CASE["limits"], "swarm_u": 3}
     small = run_study(load_requirement({**CASE, "limits": limits}))
