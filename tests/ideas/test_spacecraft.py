@@ -225,7 +225,10 @@ def test_finer_and_larger_is_harder_to_see():
     one = asked()
     assert asked(resolution_m=0.3).no_harder_to_see(one) and asked(share_percent=80).no_harder_to_see(one)
     assert not asked(resolution_m=0.1).no_harder_to_see(one)
+    # Other turns take other wheels, with which other pictures are taken too early.
     for other in (
+        {"turn_s": 60},
+        {"deliver_within_h": 480},
         {"quality": "stereo"},
         {"probability": 0.9},
         {"margins": {"relief": 1.2}},
