@@ -16,7 +16,7 @@ from swarm_mj.api.design import Design
 from swarm_mj.api.flight import fly
 from swarm_mj.campaigns.promise import fly_promise
 from swarm_mj.errors import OutputError
-from swarm_mj.ideas.knowledge import Kept, KnowledgeBase, differences, nearest, rerun, scenario_text
+from swarm_mj.ideas.knowledge import Kept, KnowledgeBase, differences, nearest, nearest_kept, rerun, scenario_text
 from swarm_mj.ideas.knowledge import study as carry
 from swarm_mj.ideas.report import study_html
 from swarm_mj.ideas.requirement import Requirement, load_requirement
@@ -207,7 +207,7 @@ def study(
         found, kept = carry(asked, place, campaign=campaign, workers=workers, say=say)
         near = None
         if asked.nearest and not found.closed:
-            near = nearest(asked, kept, place, campaign=campaign, workers=workers, say=say)
+            near = nearest(kept, place, campaign=campaign, workers=workers, say=say)
         studied = Studied(kept, None if near is None else Studied(near))
         if folder is not None:
             # The evidence that the report points to, as `swarm-mj fly` and `swarm-mj design` write it.
@@ -289,7 +289,10 @@ def open_study(name: str, base: str | Path = BASE) -> Studied:
     Raises:
         OutputError: There is none.
     """
-    return Studied(KnowledgeBase(base).find(name))
+    place = KnowledgeBase(base)
+    kept = place.find(name)
+    near = nearest_kept(kept, place)
+    return Studied(kept, None if near is None else Studied(near))
 
 
 def compare_studies(one: str, other: str, base: str | Path = BASE) -> pd.DataFrame:

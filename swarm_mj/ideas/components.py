@@ -21,7 +21,8 @@ class Size(NamedTuple):
         structure_kg: Primary structure [kg].
         aperture_m: Largest lens that its smallest face takes beside the rails [m].
         length_m: Longest optics inside, with room for the rest behind [m].
-        panels: Deployed panels of three unit faces that it can carry, at most.
+        panels: Deployed panels of three unit faces that it can carry, at most: 6U those of 120 W that Lunar IceCube carries,
+            the others in proportion to their side faces.
     """
 
     units: int
@@ -38,9 +39,9 @@ SIZES = {
     size.units: size
     for size in (
         Size(1, (0.1, 0.1, 0.1135), 2.0, 0.1, 0.09, 0.06, 2),
-        Size(3, (0.1, 0.1, 0.3405), 6.0, 0.25, 0.09, 0.2, 6),
-        Size(6, (0.1, 0.2263, 0.366), 12.0, 0.9, 0.09, 0.25, 12),
-        Size(12, (0.2263, 0.2263, 0.366), 24.0, 1.5, 0.19, 0.25, 16),
+        Size(3, (0.1, 0.1, 0.3405), 6.0, 0.25, 0.09, 0.2, 8),
+        Size(6, (0.1, 0.2263, 0.366), 12.0, 0.9, 0.09, 0.25, 14),
+        Size(12, (0.2263, 0.2263, 0.366), 24.0, 1.5, 0.19, 0.25, 19),
     )
 }
 
@@ -119,6 +120,24 @@ EARTH_LINKS = (
 )
 
 
+class Part(NamedTuple):
+    """Anything else; masses and powers of one."""
+
+    name: str
+    mass_kg: float
+    volume_u: float
+    power_w: float
+    source: str
+
+
+#: What thrusters that burn for days need besides: jets that unload the wheels of what a thrust off the centre of mass gives them
+#: (1 mN by 5 mm: 0.4 N m s a day), and a drive that turns the panels to the Sun, wherever the thrust points to.
+REACTION_CONTROL = Part(
+    "reaction control", 0.9, 0.8, 2.0, "class of GomSpace's NanoProp 6U: butane, 0.77 kg dry, 0.9 kg full"
+)
+PANEL_DRIVE = Part("panel drive", 0.4, 0.2, 1.0, "assumed; M-Argo has IMT's muSADA")
+
+
 class Propulsion(NamedTuple):
     """Thrusters with tank and feed."""
 
@@ -128,12 +147,18 @@ class Propulsion(NamedTuple):
     dry_kg: float  #: without propellant and without what a tank grows by with it [kg]
     tank_share: float  #: of the propellant's mass that the tank adds [-]
     density: float  #: of the propellant [kg/U]
+    most_kg: float  #: largest propellant of the class [kg]
     volume_u: float  #: without propellant [U]
     power_w: float
     source: str
     continuous: bool = (
         False  #: whether it burns for days, which panels alone can feed; else for an hour at a time at most
     )
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """What it needs besides."""
+        return (REACTION_CONTROL, PANEL_DRIVE) if self.continuous else ()
 
 
 PROPULSION = (
@@ -144,6 +169,7 @@ PROPULSION = (
         0.35,
         0.3,
         0.55,
+        2.0,
         0.25,
         2.0,
         "class of VACCO's MEPSI system; schema_propulsion.py",
@@ -155,34 +181,49 @@ PROPULSION = (
         1.2,
         0.2,
         1.36,
+        4.0,
         0.8,
         10.0,
         "class of MarCO's by VACCO: 3.5 kg with 1.9 kg of gas",
     ),
-    Propulsion("ADN monopropellant", 200.0, 0.1, 1.1, 0.25, 1.24, 0.7, 10.0, "class of ECAPS 100 mN with LMP-103S"),
+    Propulsion(
+        "ADN monopropellant",
+        190.0,
+        0.1,
+        1.25,
+        0.25,
+        1.24,
+        0.8,
+        0.75,
+        10.0,
+        "class of ArgoMoon's by VACCO: 1.43 kg dry, 2.07 kg full, one thruster of 100 mN and gas jets, 783 N s",
+    ),
+    Propulsion(
+        "ASCENT monopropellant",
+        220.0,
+        0.4,
+        3.6,
+        0.25,
+        1.47,
+        3.0,
+        1.4,
+        48.0,
+        "class of Lunar Flashlight's: 5.5 kg with 1.5 kg, 2.4 U, four thrusters of 100 mN, over 3,000 N s, heaters of 48 W",
+    ),
     Propulsion(
         "iodine ion",
-        2200.0,
-        0.001,
-        1.0,
+        2150.0,
+        0.0011,
+        1.35,
         0.1,
         4.9,
-        1.2,
-        60.0,
-        "class of ThrustMe NPT30-I2: 1.2 kg, 35 to 65 W, up to 2,400 s",
+        4.0,
+        1.3,
+        75.0,
+        "class of Busek's BIT-3: 2.9 kg with its gimbal and 1.5 kg of iodine, 1.6 U, 56 to 80 W, up to 1.2 mN",
         True,
     ),
 )
-
-
-class Part(NamedTuple):
-    """Anything else; masses and powers of one."""
-
-    name: str
-    mass_kg: float
-    volume_u: float
-    power_w: float
-    source: str
 
 
 #: What every spacecraft has.

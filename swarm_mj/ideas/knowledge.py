@@ -214,8 +214,18 @@ def study(
     return found, base.keep(asked, record_of(found), "" if like is None else like.id, found.wall_s)
 
 
+def easier_than(found: Kept) -> Iterator[Requirement]:
+    """Requirements among which the nearest one that a swarm meets is looked for, where none meets a study's, in their order."""
+    asked, ways = found.requirement, found.record["relaxed"]
+    way = next((way for way in ways if "resolution_m" in way), ways[0] if ways else {})
+    easier = asked.eased(way or {"resolution_m": COARSER * asked.resolution_m})
+    easier = easier.model_copy(update={"sobol": 0, "nearest": False})
+    for _ in range(NEAREST):
+        yield easier.model_copy(update={"name": f"{asked.name}, {easier.resolution_m:.4g} m"})
+        easier = easier.with_value("resolution_m", COARSER * easier.resolution_m)
+
+
 def nearest(
-    asked: Requirement,
     found: Kept,
     base: KnowledgeBase,
     *,
@@ -227,17 +237,19 @@ def nearest(
 
     Each step is a study of its own, which is kept.
     """
-    ways = found.record["relaxed"]
-    way = next((way for way in ways if "resolution_m" in way), ways[0] if ways else {})
-    easier = asked.eased(way or {"resolution_m": COARSER * asked.resolution_m})
-    easier = easier.model_copy(update={"sobol": 0, "nearest": False})
-    for _ in range(NEAREST):
-        easier = easier.model_copy(update={"name": f"{asked.name}, {easier.resolution_m:.4g} m"})
+    for easier in easier_than(found):
         _, kept = study(easier, base, workers=workers, say=say, **also)
         if kept.record["closed"]:
             return kept
-        easier = easier.with_value("resolution_m", COARSER * easier.resolution_m)
     return None
+
+
+def nearest_kept(found: Kept, base: KnowledgeBase) -> Kept | None:
+    """The same where it is kept already; None: none is, or the study did not look for one."""
+    if found.record["closed"] or not found.requirement.nearest:
+        return None
+    steps = {identity(easier) for easier in easier_than(found)}
+    return next((one for one in base.kept() if one.id in steps and one.record["closed"]), None)
 
 
 def differences(one: Any, other: Any, key: str = "") -> list[tuple[str, Any, Any]]:

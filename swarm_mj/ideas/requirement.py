@@ -75,6 +75,14 @@ class Limits(Section):
         return value
 
 
+class Instruments(Section):
+    """What is carried besides the camera, all of it together."""
+
+    mass_kg: float = Field(0.0, ge=0, le=20, description="without margin [kg]; default: the camera is all")
+    volume_u: float = Field(0.0, ge=0, le=12, description="inside [U]; default: the camera is all")
+    power_w: float = Field(0.0, ge=0, le=200, description="drawn in the passage [W]; default: the camera is all")
+
+
 class Margins(Section):
     """What is kept in hand."""
 
@@ -144,6 +152,9 @@ class Requirement(Section):
     )
     delta_v_m_s: float = Field(0.0, ge=0, le=1e4, description="that thrusters must give [m/s]; 0: there are none")
     turn_s: float = Field(120.0, gt=0, le=1e5, description="time in which it turns by 180 deg, from rest to rest [s]")
+    instruments: Instruments = Field(
+        default_factory=Instruments, description="of each spacecraft, besides its camera; their data are not counted"
+    )
     nearest: bool = Field(
         False,
         description="whether to look for a swarm where none meets it: by the way to relax it, then with the resolution a "

@@ -440,8 +440,10 @@ def _lightest(
     volume = np.array(
         [WHEEL_COUNT * w.volume_u for w in wheels] + [x.volume_u for x in links] + [PANEL.volume_u, BATTERY.volume_u]
     )
-    fixed_kg = size.structure_kg + payload.mass_kg + sum(part.mass_kg for part in BUS)
-    fixed_u = payload.volume_u + sum(part.volume_u for part in BUS)
+    parts = BUS + (propulsion.parts if propulsion is not None else ())
+    carried = asked.instruments
+    fixed_kg = size.structure_kg + payload.mass_kg + carried.mass_kg + sum(part.mass_kg for part in parts)
+    fixed_u = payload.volume_u + carried.volume_u + sum(part.volume_u for part in parts)
     built = (1.0 + margins.mass) * (1.0 + margins.integration)
     grown, per_dry, dense = built, 0.0, 0.0
     if propulsion is not None:
@@ -454,12 +456,14 @@ def _lightest(
         dense = per_dry / propulsion.density
         grown *= 1.0 + per_dry * (1.0 + propulsion.tank_share)
     watt = sizing.panel_power(PANEL_CELLS_M2, PANEL_EFFICIENCY, seen.sun_m, margins.cells)
-    bus_w = (1.0 + margins.power) * sum(part.power_w for part in BUS)
+    bus_w = (1.0 + margins.power) * sum(part.power_w for part in parts)
+    imaging_w = payload.power_w + carried.power_w + CROSSLINK_SENDS_W
     more = 1.0 + margins.power
     wheel_w = np.array([WHEEL_COUNT * w.power_w for w in wheels])
     one_w, one_l = np.ones(n_w), np.ones(n_l)
     sends, listens = (np.array([getattr(x, key) for x in links]) for key in ("transmits_w", "listens_w"))
     burning_w = propulsion.power_w if propulsion is not None else 0.0
+    heard = asked.listen_share if propulsion is not None and propulsion.continuous else 1.0
     stored = 0.0 if propulsion is None or propulsion.continuous else margins.battery * BATTERY_WH / BURN_H
 
     def row(w: Any, x: Any, panels: float, batteries: float) -> Any:
@@ -478,9 +482,9 @@ def _lightest(
         ),
         # The mean of a day by panels.
         (row(more * wheel_w, more * mean, -watt, 0.0), -np.inf, -bus_w),
-        # Thrusters while nothing is sent: for days by panels alone, or for an hour with batteries.
+        # Thrusters while nothing is sent: for days by panels alone, the receiver on now and then, or for an hour with batteries.
         (
-            row(more * wheel_w, more * listens, -watt, -stored) * bool(burning_w),
+            row(more * wheel_w, more * heard * listens, -watt, -stored) * bool(burning_w),
             -np.inf,
             -bus_w - more * burning_w if burning_w else 0.0,
         ),
@@ -498,13 +502,19 @@ def _lightest(
         (
             row(more * wheel_w * away_h, more * listens * away_h, 0.0, -margins.battery * BATTERY_WH),
             -np.inf,
-            -(bus_w + more * (payload.power_w + CROSSLINK_SENDS_W)) * away_h,
+            -(bus_w + more * imaging_w) * away_h,
         ),
         # What is drawn at once becomes heat that the sides can radiate.
         (
             row(more * wheel_w, more * sends, 0.0, 0.0),
             -np.inf,
             sizing.radiated_power(size.size_m, HOT_K, EMISSIVITY) - bus_w,
+        ),
+        # What the tank of this class of thrusters takes.
+        (
+            per_dry * built * mass,
+            -np.inf,
+            propulsion.most_kg - per_dry * built * fixed_kg if propulsion is not None else 0.0,
         ),
     ]
     most = row(one_w, one_l, float(size.panels), float(MOST_BATTERIES))
@@ -531,7 +541,7 @@ def _lightest(
             payload.power_w,
             payload.detector.source,
         ),
-        *(Row(part.name, 1, *part[1:]) for part in BUS),
+        *(Row(part.name, 1, *part[1:]) for part in parts),
         Row(
             f"wheels {wheel.name}",
             WHEEL_COUNT,
@@ -544,6 +554,17 @@ def _lightest(
         Row("panels", panels, panels * PANEL.mass_kg, panels * PANEL.volume_u, 0.0, PANEL.source),
         Row("batteries", batteries, batteries * BATTERY.mass_kg, batteries * BATTERY.volume_u, 0.0, BATTERY.source),
     ]
+    if any(value for _, value in carried):
+        listed.append(
+            Row(
+                "other instruments",
+                1,
+                carried.mass_kg,
+                carried.volume_u,
+                carried.power_w,
+                "instruments of the requirement",
+            )
+        )
     if propulsion is not None:
         tank_kg = propulsion.dry_kg + propulsion.tank_share * tank
         listed.append(
@@ -564,7 +585,7 @@ def _lightest(
     steady = more * float(wheel_w @ x[:n_w]) + bus_w
     power = steady + more * float(mean @ x[n_w : n_w + n_l])
     hearing, sunlit = steady + more * link.listens_w, panels * watt
-    imaging = hearing + more * (payload.power_w + CROSSLINK_SENDS_W)
+    imaging = hearing + more * imaging_w
     rest_h = 24.0 - asked.contact_h
     modes = [("listening, a day", asked.listen_share * rest_h, hearing, sunlit)]
     modes += [("receiver off, a day", (1.0 - asked.listen_share) * rest_h, steady, sunlit)]
@@ -572,7 +593,8 @@ def _lightest(
     modes += [("passage, in shadow or panels turned away", away_h, imaging, 0.0)]
     if propulsion is not None:
         burn_h = tank * propulsion.specific_impulse_s * STANDARD_GRAVITY / propulsion.thrust_n / 3600.0
-        modes.append(("thrusters, in all", burn_h, hearing + more * propulsion.power_w, sunlit))
+        hearing_w = more * heard * link.listens_w
+        modes.append(("thrusters, in all", burn_h, steady + hearing_w + more * propulsion.power_w, sunlit))
     return Spacecraft(
         size=size,
         payload=payload,
@@ -603,6 +625,7 @@ KEPT = {
     "the batteries in a contact with Earth": ("Wh", 30.0),
     "the batteries in the passage": ("Wh", 30.0),
     "the heat that its sides radiate": ("W", 10.0),
+    "the propellant that tanks of this class take": ("kg", 1.0),
 }
 
 

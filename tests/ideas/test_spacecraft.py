@@ -53,7 +53,16 @@ def sized(units=6, detector=1, **changes):
     return given, size_spacecraft(given, SCENARIO, SEEN, SIZES[units], payload)
 
 
-@pytest.mark.parametrize("changes", [{}, {"delta_v_m_s": 30.0}, {"delta_v_m_s": 250.0}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"delta_v_m_s": 30.0},
+        {"delta_v_m_s": 200.0, "limits": {"spacecraft_kg": 14.0}, "contact_h": 3.0},
+        {"delta_v_m_s": 500.0, "limits": {"spacecraft_kg": 14.0, "propulsion": ["iodine ion"]}, "listen_share": 0.1},
+        {"instruments": {"mass_kg": 0.7, "volume_u": 0.5, "power_w": 6.0}},
+    ],
+)
 def test_budgets_add_up_and_are_kept(changes):
     given, one = sized(**changes)
     assert isinstance(one, Spacecraft)
@@ -72,26 +81,40 @@ def test_budgets_add_up_and_are_kept(changes):
     else:
         assert one.mass_kg == pytest.approx((1.0 + m.mass) * dry)
     assert one.volume_u == pytest.approx(sum(row.volume_u for row in one.rows) / (1.0 - m.volume))
-    assert one.mass_kg <= one.size.limit_kg and one.volume_u <= one.size.units
+    assert one.mass_kg <= (given.limits.spacecraft_kg or one.size.limit_kg) and one.volume_u <= one.size.units
+    carried = [row[2:5] for row in one.rows if row.name == "other instruments"]
+    assert carried == ([tuple(dict(given.instruments).values())] if given.instruments.mass_kg else [])
     # A day: contacts and the rest, by the panels; a contact and a passage with the batteries.
-    bus = sum(part.power_w for part in BUS) + WHEEL_COUNT * one.wheels.power_w
+    days = one.propulsion is not None and one.propulsion.continuous
+    besides = [row for row in one.rows if row.name in ("reaction control", "panel drive")]
+    assert [tuple(row) for row in besides] == [
+        (part.name, 1, *part[1:]) for part in (one.propulsion.parts if days else ())
+    ]
+    bus = sum(part.power_w for part in BUS) + WHEEL_COUNT * one.wheels.power_w + sum(row.power_w for row in besides)
     share = given.contact_h / 24.0
-    mean = (1.0 + m.power) * (bus + share * one.link.transmits_w + (1.0 - share) * one.link.listens_w)
+    heard = (1.0 - share) * given.listen_share
+    mean = (1.0 + m.power) * (bus + share * one.link.transmits_w + heard * one.link.listens_w)
     assert one.power_w == pytest.approx(mean) and mean <= one.available_w
     assert one.available_w == pytest.approx(
         one.panels * 1361.0 / 0.95**2 * components.PANEL_CELLS_M2 * components.PANEL_EFFICIENCY * m.cells
     )
     stored = m.battery * BATTERY_WH * one.batteries
     assert ((1.0 + m.power) * (bus + one.link.transmits_w) - one.available_w) * given.contact_h <= stored + 1e-9
-    passage = bus + one.link.listens_w + one.payload.power_w + CROSSLINK_SENDS_W
+    passage = bus + one.link.listens_w + one.payload.power_w + given.instruments.power_w + CROSSLINK_SENDS_W
     assert (1.0 + m.power) * passage * IMAGING_H <= stored + 1e-9
     # Mode by mode the same.
     modes = {mode.name.partition(",")[0]: mode for mode in one.modes}
     assert modes["passage"].battery_wh == pytest.approx((1.0 + m.power) * passage * IMAGING_H)
     assert modes["contact with Earth"].power_w == pytest.approx((1.0 + m.power) * (bus + one.link.transmits_w))
-    assert sum(mode.hours for name, mode in modes.items() if name not in ("passage", "thrusters")) == 24.0
+    assert sum(mode.hours for name, mode in modes.items() if name not in ("passage", "thrusters")) == pytest.approx(
+        24.0
+    )
     assert all(mode.battery_wh <= stored + 1e-9 for name, mode in modes.items() if name != "thrusters")
     if one.propulsion is not None:
+        assert one.propellant_kg <= one.propulsion.most_kg
+        on = given.listen_share if days else 1.0
+        burning = bus + on * one.link.listens_w + one.propulsion.power_w
+        assert modes["thrusters"].power_w == pytest.approx((1.0 + m.power) * burning)
         impulse = one.propellant_kg * 9.80665 * one.propulsion.specific_impulse_s
         assert modes["thrusters"].hours * 3600.0 * one.propulsion.thrust_n == pytest.approx(impulse)
     cables = next(row for row in one.rows if row.name.startswith("cables"))
@@ -158,7 +181,7 @@ def test_what_cannot_be_built_is_refused_with_its_numbers():
     given = asked()
     payload = payload_for(given, SEEN, SIZES[6], 1000.0, DETECTORS[1])
     dark = size_spacecraft(given, SCENARIO, SEEN._replace(sun_m=2.0 * AU), SIZES[6], payload)
-    assert isinstance(dark, Refusal) and dark.cause == "budgets" and "panels are needed, 6U carry 12" in dark.words
+    assert isinstance(dark, Refusal) and dark.cause == "budgets" and "panels are needed, 6U carry 14" in dark.words
 
 
 def test_pixels_bound_the_number_of_observers():
@@ -207,9 +230,15 @@ def test_what_may_be_chosen_is_chosen_from():
     _, one = sized(delta_v_m_s=20.0, limits={"propulsion": ["ADN monopropellant"]})
     assert one.propulsion.name == "ADN monopropellant"
     # For an hour batteries help; what burns for days has panels for all of it.
-    _, ion = sized(delta_v_m_s=500.0, limits={"propulsion": ["iodine ion"]})
+    _, ion = sized(delta_v_m_s=500.0, limits={"propulsion": ["iodine ion"], "spacecraft_kg": 14.0}, listen_share=0.1)
     burning = next(mode for mode in ion.modes if mode.name.startswith("thrusters"))
     assert burning.battery_wh == 0.0 and burning.power_w > 60.0
+    # Tanks of a class end somewhere, whatever else there is room for.
+    roomy = {"units": [12], "spacecraft_kg": 40.0, "propulsion": ["ADN monopropellant"]}
+    _, refused = sized(units=12, delta_v_m_s=300.0, limits=roomy)
+    assert isinstance(refused, Refusal) and refused.words.endswith(
+        "the propellant that tanks of this class take forbids it"
+    )
     # A deployer may carry more than the standard's 12 kg.
     _, full = sized(limits={"units": [6], "spacecraft_kg": 14.0, "propulsion": ["cold gas, R236fa"]}, delta_v_m_s=110.0)
     assert 12.0 < full.mass_kg <= 14.0

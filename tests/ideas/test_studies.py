@@ -115,6 +115,7 @@ def test_where_none_can_the_nearest_is_found_and_kept(bare, tmp_path):
     assert all(eased.value(key) == value for key, value in way.items()) and not eased.nearest
     assert any("the nearest that can: bright, " in words for words in found.sentences)
     assert len(sm.studies(tmp_path / "base.sqlite")) == 2 and (tmp_path / "out" / "nearest" / "scenario.yaml").is_file()
+    assert sm.open_study("bright", tmp_path / "base.sqlite").sentences == found.sentences
     assert load_requirement(CASE).eased({"limits.units": 12.0, "limits.spacecraft": 30.0}).limits.units == (12,)
 
 
@@ -355,7 +356,7 @@ def test_the_command_tells_proofs_and_refuses_what_makes_no_sense(tmp_path, caps
     file.write_text(yaml.safe_dump(PAPER))
     assert main(["ideas", str(file), *base, "--out", str(tmp_path / "out")]) == 1
     told = capsys.readouterr().out
-    assert "cannot be met" in told and "87 observers at least" in told and "it takes limits.units = 12" in told
+    assert "cannot be met" in told and "87 observers at least" in told and "it takes limits.units = 6" in told
     assert "87 observers at least" in (tmp_path / "out" / "report.html").read_text()
     assert (tmp_path / "out" / "study.json").exists() and not (tmp_path / "out" / "scenario.yaml").exists()
     assert main(["ideas", "list", *base]) == 0 and "paper" in capsys.readouterr().out
