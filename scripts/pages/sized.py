@@ -98,8 +98,8 @@ BUILT = (
         14.0,
         None,
         "NASA (14 kg); scenarios/liciacube-swarm.yaml; its velocity of 56 m/s is that of MarCO's thrusters, assumed",
-        "Its second camera, LUKE, is asked for as an instrument of 0.48 kg (class of the Gecko imager); its bus is made for longer "
-        "missions in hard radiation.",
+        "Its second camera, LUKE, is asked for as an instrument of 0.48 kg (class of the Gecko imager); its bus is made for "
+        "longer missions in hard radiation.",
     ),
     Built(
         "LUMIO",
@@ -119,8 +119,8 @@ BUILT = (
         20.0,
         None,
         "eoPortal (some 20 kg); Nett, TU Delft (203 m/s; thrusters of 5.56 kg full, a second set of 0.82 kg)",
-        "Its camera for flashes on the night side, some 1.3 kg and 3 U with its baffle, is asked for as an instrument. Thrusters of "
-        "two kinds, 6.4 kg full where the designer's one kind weighs 5.5 kg, and gimballed panels are not asked for. 28 kg are "
+        "Its camera for flashes on the night side, some 1.3 kg and 3 U with its baffle, is asked for as an instrument. Thrusters "
+        "of two kinds, 6.4 kg full where the designer's one kind weighs 5.5 kg, and gimballed panels are not asked for. 28 kg are "
         "planned by now.",
     ),
     Built(
@@ -142,8 +142,8 @@ BUILT = (
         22.0,
         None,
         "ESA (12U, stays at an asteroid for six months, to 1 au from Earth; some 22 kg); 3,500 m/s assumed",
-        "Infrared channels and a laser altimeter are asked for as instruments of 1 kg, which is assumed; its antenna of high gain "
-        "is not: what it has to send in 200 h needs none.",
+        "Infrared channels and a laser altimeter are asked for as instruments of 1 kg, which is assumed; its antenna of high "
+        "gain is not: what it has to send in 200 h needs none.",
     ),
     Built(
         "3U fly-by",
@@ -216,14 +216,14 @@ def main() -> None:
         "# Sized and built",
         "",
         "What the spacecraft designer makes of what other spacecraft had to do, by `python -m scripts.pages.sized`: their",
-        "size, thrusters, instruments, pixel, distances and contacts, as far as their sources tell; the rest by default, margins",
-        "included. It looks for the lightest that does it.",
+        "size, thrusters, instruments, pixel, distances and contacts, as far as their sources tell; the rest by default,",
+        "margins included. It looks for the lightest that does it.",
         "",
         f"Within 15 % of the mass: {names}, of {len(BUILT)}. **Take the masses as lower bounds**: what is built carries what",
-        "no key asks for, as named below. These five are no independent check of the whole catalogue: after a first comparison, in",
-        "which all came out lighter still, it was given the share for cables, brackets and shielding, a heavier attitude unit,",
-        "thrusters by the numbers of ArgoMoon's, Lunar Flashlight's and of the BIT-3, none of which is among the five, and, for",
-        "thrusters that burn for days, the gas jets and the panel drive that M-Argo has.",
+        "no key asks for, as named below. These five are no independent check of the whole catalogue: after a first",
+        "comparison, in which all came out lighter still, it was given the share for cables, brackets and shielding, a heavier",
+        "attitude unit, thrusters by the numbers of ArgoMoon's, Lunar Flashlight's and of the BIT-3, none of which is among",
+        "the five, and, for thrusters that burn for days, the gas jets and the panel drive that M-Argo has.",
         "",
         "| spacecraft | had to do | built [kg] | sized [kg] | difference | panels at 1 au [W] | sized panels [W] |",
         "|---|---|---|---|---|---|---|",

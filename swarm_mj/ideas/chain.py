@@ -2,9 +2,10 @@
 
 Every kind of spacecraft (size, altitude, detector) has a lower bound of the swarm's mass: its own mass times the observers
 without which its pixels cannot sample the target. Kinds are tried in the order of that bound: the swarm designer proves how
-many are needed, and the swarm is flown and held against the requirement. A link that is too slow in flight goes back to the
-designer of the spacecraft; a kind whose swarm misses anything else is left. The search ends where no bound is below the best
-swarm that flew: it is the lightest among all kinds, but for other designs of kinds that were left or not proven.
+many are needed, and the swarm is flown and held against the requirement. A link that is too slow in flight, and corrections
+that take more than was allowed for, go back to the designer of the spacecraft; a kind whose swarm misses anything else is left.
+The search ends where no bound is below the best swarm that flew: it is the lightest among all kinds, but for other designs of
+kinds that were left or not proven.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ from swarm_mj.flight.coordination import acts_alone
 from swarm_mj.flight.downlink import MOST_SPACECRAFT, deliver
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, observe_flight
+from swarm_mj.flight.optical_covariance import analyse_optical
 from swarm_mj.flight.plan import Plan, make_plan
+from swarm_mj.flight.trajectory_corrections import analyse_corrections
 from swarm_mj.ideas.alternatives import Alternative, alternatives
 from swarm_mj.ideas.components import SIZES
 from swarm_mj.ideas.requirement import Requirement
@@ -43,6 +46,7 @@ from swarm_mj.ideas.spacecraft import (
 )
 from swarm_mj.io import interruption
 from swarm_mj.observation.photometry import body_surface
+from swarm_mj.records.navigation import OBLIQUE, total_delta_v
 from swarm_mj.records.summary import summarise
 from swarm_mj.scenarios.constants import AU
 from swarm_mj.scenarios.loading import load_scenario
@@ -59,13 +63,14 @@ EASED = {
     "min_snr": 1e-2,
 }
 STEPS = 13
-#: How often a kind is sized anew for a faster link, and what the flown delivery is called.
-SLOWEST, ON_EARTH = 3, "all pictures on Earth after"
+#: How often a kind is sized anew for what its flight needs, and what flown delivery and corrections are called.
+ANEW, ON_EARTH, CORRECTIONS = 3, "all pictures on Earth after", "velocity for corrections, 99 %"
 #: What a requirement that a flight misses is called in the file.
 RELAXED = {
     "share seen at the resolution": "share_percent",
     ON_EARTH: "deliver_within_h",
     "velocity by thrusters": "delta_v_m_s",
+    CORRECTIONS: "delta_v_m_s",
     "velocity by the deployer": "limits.deployer_m_s",
     "probability of that share": "probability",
 }
@@ -199,6 +204,13 @@ def encounter_of(asked: Requirement) -> tuple[Scenario, Encounter]:
         raise ScenarioError(
             f"{asked.scenario}: body.photometry = null: the signal cannot be told; give a law, or body.albedo, among changes"
         )
+    corrected = bool(scenario.trajectory.corrections)
+    if corrected != (asked.delta_v_m_s != 0.0) and (corrected or asked.delta_v_m_s is None):
+        raise ScenarioError(
+            "delta_v_m_s = 0: must be null or above 0 for trajectory.corrections"
+            if corrected
+            else "delta_v_m_s = null: must be a velocity, or give trajectory.corrections among changes"
+        )
     deployment, environment = plan.deployment, plan.environment
     t = float(deployment.arrival_s.max())
     flown = deployment.destination_N - deployment.release_r_N
@@ -222,7 +234,15 @@ def encounter_of(asked: Requirement) -> tuple[Scenario, Encounter]:
         min_pixels=scenario.observation.min_pixels,
         cell_m2=float(plan.region.area.min()),
         shadow_s=widest / max(float(np.linalg.norm(way, axis=1).min()), 1e-9),
+        corrections_m_s=_corrections_m_s(plan) if corrected else 0.0,
     )
+
+
+def _corrections_m_s(plan: Plan) -> float:
+    """What corrections take of whoever takes the most in 99 of 100 flights, nozzles that stand oblique to it included [m/s]."""
+    optical = plan.scenario.navigation.mode == "optical"
+    found = analyse_optical(plan) if optical else analyse_corrections(plan)
+    return OBLIQUE * max(sure for _, sure in total_delta_v(found).values())
 
 
 def run_study(
@@ -249,6 +269,10 @@ def run_study(
     begun, tell = time.perf_counter(), say or (lambda words: None)
     scenario, seen = encounter_of(asked)
     tell(f"{seen.area_m2 / 1e6:.4g} km^2 are passed at {seen.speed:,.3g} m/s, {seen.earth_m / AU:.2f} au away")
+    given, asked = (
+        asked,
+        asked if asked.delta_v_m_s is not None else asked.with_value("delta_v_m_s", seen.corrections_m_s),
+    )
     options = list(spacecraft_options(asked, scenario, seen))
     refused = [
         Tried(kind_of(size, altitude, detector), None, None, None, f"{found.cause}: {found.words}", found.short)
@@ -256,7 +280,7 @@ def run_study(
         if isinstance(found, Refusal)
     ]
     built = [found for *_, found in options if isinstance(found, Spacecraft)]
-    search = _Search(asked, seen, known, campaign, workers, tell)
+    search = _Search(asked, given.delta_v_m_s is None, seen, known, campaign, workers, tell)
     built.sort(key=lambda one: (least_swarm_kg(asked, seen, one), one.mass_kg))
     search.begin(built)
     for rank, one in enumerate(built):
@@ -271,7 +295,7 @@ def run_study(
             asked, scenario, seen, workers=workers, tell=lambda share: tell(f"Sobol' indices, {100 * share:.0f} %")
         )
     told: dict[str, Any] = {
-        "requirement": asked,
+        "requirement": given,
         "encounter": seen,
         "tried": tuple(tried),
         "drivers": tuple(drivers(asked, scenario, seen)),
@@ -314,12 +338,15 @@ class _Search:
     def __init__(
         self,
         asked: Requirement,
+        more_gas: bool,
         seen: Encounter,
         known: Known | None,
         campaign: Campaign | None,
         workers: int | None,
         tell: Said,
     ) -> None:
+        #: Whether thrusters may be sized for more than is asked, where corrections take it.
+        self.more_gas = more_gas
         self.asked, self.seen, self.known, self.campaign, self.tell = asked, seen, known, campaign, tell
         self.workers = workers
         self.tried: list[Tried] = []
@@ -408,40 +435,46 @@ class _Search:
         *,
         by: DesignStudy | None = None,
     ) -> bool:
-        """Fly a swarm; what delivers too slowly is sized for a faster link. Whether it meets the requirement."""
+        """Fly a swarm; what its flight needs more of is sized anew. Whether it meets the requirement."""
         asked, only_if_met = self.asked, by is None
-        for _ in range(SLOWEST):
+        sized_for = asked
+        for _ in range(ANEW):
             flown = load_scenario(asked.scenario, {**one.changes(asked), **_designed(design)})
             self.tell(f"{len(design['visiting_points'])} of {one.name} fly")
             try:
-                flight, checks = verify(asked, flown, one, self.campaign)
+                gas = asked.model_copy(update={"delta_v_m_s": sized_for.delta_v_m_s})
+                flight, checks = verify(gas, flown, one, self.campaign)
             except MissionError as error:
                 if not only_if_met:
                     self.tried.append(Tried(one.name, one.mass_kg, bound, None, f"flight: {error}", proven=proven))
                 return False
-            late = next(check for check in checks if check.requirement == ON_EARTH)
-            if late.met or not np.isfinite(late.reached):
-                break
             # What the flight took longer goes back to the designer of the spacecraft: a link that is faster by as much.
-            tighter = one.send_h * late.asked / late.reached
-            sized_for = asked.model_copy(update={"deliver_within_h": tighter})
+            missed = {check.requirement: check for check in checks if not check.met and np.isfinite(check.reached)}
+            tighter = {}
+            if ON_EARTH in missed:
+                tighter["deliver_within_h"] = one.send_h * missed[ON_EARTH].asked / missed[ON_EARTH].reached
+            if CORRECTIONS in missed and self.more_gas:
+                tighter["delta_v_m_s"] = missed[CORRECTIONS].reached
+            if not tighter:
+                break
+            sized_for = sized_for.model_copy(update=tighter)
             again = size_spacecraft(sized_for, flight.plan.scenario, self.seen, one.size, one.payload)
             if isinstance(again, Refusal):
                 break
             one = again
-        missed = [check for check in checks if not check.met]
-        if only_if_met and missed:
+        misses = [check for check in checks if not check.met]
+        if only_if_met and misses:
             return False
-        if len(missed) == 1 and np.isfinite(missed[0].reached) and (key := RELAXED.get(missed[0].requirement)):
-            self.near.append((key, missed[0]))
+        if len(misses) == 1 and np.isfinite(misses[0].reached) and (key := RELAXED.get(misses[0].requirement)):
+            self.near.append((key, misses[0]))
         n, weight = flight.plan.n_observers, flight.plan.n * one.mass_kg
         words = f"{n} {'observer' if n == 1 else 'observers'}, {weight:.3g} kg, {words}"
-        if missed:
-            words += "; flown: " + ", ".join(f"{c.requirement} {c.reached:.4g}, not {c.asked:.4g}" for c in missed)
+        if misses:
+            words += "; flown: " + ", ".join(f"{c.requirement} {c.reached:.4g}, not {c.asked:.4g}" for c in misses)
         self.tried.append(Tried(one.name, one.mass_kg, bound, n, words, proven=proven))
-        if not missed and (self.best is None or (weight, rank) < self.best[:2]):
+        if not misses and (self.best is None or (weight, rank) < self.best[:2]):
             self.best = _Best(weight, rank, one, flight, checks, by)
-        return not missed
+        return not misses
 
 
 def _designed(design: dict[str, Any]) -> dict[str, Any]:
@@ -501,6 +534,9 @@ def verify(
     if one.propulsion is not None and flown.summary.get("thrust_delta_v_m_s"):
         used = max(flown.summary["thrust_delta_v_m_s"].values())
         checks.append(at_most("velocity by thrusters", asked.delta_v_m_s, used, "m/s", "flown", "flight"))
+    if scenario.trajectory.corrections:
+        took, how = _corrections_m_s(plan), "linear covariance of the swarm that flew, oblique nozzles included"
+        checks.append(at_most(CORRECTIONS, asked.delta_v_m_s, took, "m/s", how))
     released = float(plan.deployment.delta_v.max())
     checks.append(at_most("velocity by the deployer", limits.deployer_m_s, released, "m/s", "as planned", "flight"))
     if asked.probability is not None and campaign is not None and all(check.met for check in checks):

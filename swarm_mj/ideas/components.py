@@ -130,7 +130,7 @@ class Part(NamedTuple):
     source: str
 
 
-#: What thrusters that burn for days need besides: jets that unload the wheels of what a thrust off the centre of mass gives them
+#: What thrusters that burn for days need besides: jets that unload the wheels of what thrust beside the centre of mass gives
 #: (1 mN by 5 mm: 0.4 N m s a day), and a drive that turns the panels to the Sun, wherever the thrust points to.
 REACTION_CONTROL = Part(
     "reaction control", 0.9, 0.8, 2.0, "class of GomSpace's NanoProp 6U: butane, 0.77 kg dry, 0.9 kg full"

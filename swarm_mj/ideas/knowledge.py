@@ -62,7 +62,7 @@ class Kept(NamedTuple):
 
 def identity(asked: Requirement) -> str:
     """Digest of a requirement, the scenario that it names as it stands now, and the version."""
-    scenario = load_scenario(asked.scenario, asked.changes).model_dump(mode="json")
+    scenario = load_scenario(asked.scenario, asked.scenario_changes).model_dump(mode="json")
     words = json.dumps([asked.model_dump(mode="json"), scenario, __version__], sort_keys=True)
     return hashlib.sha256(words.encode()).hexdigest()[:12]
 

@@ -150,7 +150,13 @@ class Requirement(Section):
     network: Literal["dsn", "dsn34", "estrack"] | None = Field(
         None, description="ground stations, see link.ground.network; null: the scenario's"
     )
-    delta_v_m_s: float = Field(0.0, ge=0, le=1e4, description="that thrusters must give [m/s]; 0: there are none")
+    delta_v_m_s: float | None = Field(
+        0.0,
+        ge=0,
+        le=1e4,
+        description="that thrusters must give [m/s]; 0: there are none; null: what trajectory.corrections of changes take in "
+        "99 of 100 flights",
+    )
     turn_s: float = Field(120.0, gt=0, le=1e5, description="time in which it turns by 180 deg, from rest to rest [s]")
     instruments: Instruments = Field(
         default_factory=Instruments, description="of each spacecraft, besides its camera; their data are not counted"
@@ -206,6 +212,8 @@ class Requirement(Section):
             # Of quality classes no design is made for a probability: the campaign alone tells.
             "designer.probability": None if counted else self.probability,
             "data.horizon_s": 3600.0 * self.deliver_within_h,
+            # Some thrusters, until they are sized: without, the scenario refuses corrections.
+            **({"spacecraft.thrusters": {}} if any(key.startswith("trajectory") for key in self.changes) else {}),
             **({} if self.network is None else {"link.ground.network": self.network}),
         }
 

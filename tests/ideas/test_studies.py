@@ -14,7 +14,7 @@ import yaml
 import swarm_mj as sm
 from swarm_mj.cli.main import main
 from swarm_mj.designer.study import Verified
-from swarm_mj.errors import OutputError
+from swarm_mj.errors import OutputError, ScenarioError
 from swarm_mj.ideas import chain
 from swarm_mj.ideas.chain import run_study
 from swarm_mj.ideas.knowledge import KnowledgeBase, identity
@@ -215,6 +215,53 @@ def test_a_link_that_is_too_slow_in_flight_is_sized_anew(bare):
     known = chain.Known(fast.requirement, fast.spacecraft.name, {}, swarm)
     again = run_study(fast.requirement, known=known)
     assert (again.design, again.spacecraft.link) == (None, fast.spacecraft.link) and again.taken
+
+
+CORRECTED = {
+    "trajectory.corrections": [{"after_release_s": 20}, {"before_arrival_s": 60}],
+    "dispersions.deployment_velocity_m_s": 0.1,
+}
+
+
+def test_thrusters_are_sized_for_what_corrections_take(bare, tmp_path, monkeypatch):
+    limits = {"units": [6], "altitudes_m": [1000]}
+    asked = {**CASE, "changes": {**CASE["changes"], **CORRECTED}, "delta_v_m_s": None, "limits": limits}
+    found = sm.study(asked, base=tmp_path / "base.sqlite", out=tmp_path / "out")
+    checks = found.checks.set_index("requirement")
+    sized = checks.loc["velocity for corrections, 99 %"]
+    assert (
+        found.closed
+        and 0.0 < checks.loc["velocity by thrusters", "reached"] < sized["reached"] <= sized["asked"] + 1e-9
+    )
+    # What navigation says of the swarm, by nozzles of which three may share the force.
+    flown = sm.navigate(tmp_path / "out" / "scenario.yaml")
+    assert sized["reached"] == pytest.approx(3.0**0.5 * flown.delta_v["percentile_99_m_s"].max())
+    thrusters = flown.scenario.spacecraft.thrusters
+    mass = found.record["spacecraft"]["mass_kg"]
+    assert thrusters.propellant_kg == pytest.approx(
+        mass * -np.expm1(-sized["asked"] / (9.80665 * thrusters.specific_impulse_s)), rel=1e-3
+    )
+    # A swarm that takes more than the scenario's own goes back for more.
+    honest, calls = chain._corrections_m_s, []
+
+    def half_at_first(plan):
+        calls.append(plan)
+        return honest(plan) * (0.5 if len(calls) == 1 else 1.0)
+
+    monkeypatch.setattr(chain, "_corrections_m_s", half_at_first)
+    again = run_study(load_requirement(asked))
+    assert again.closed and again.spacecraft.propellant_kg == pytest.approx(found.record["spacecraft"]["propellant_kg"])
+    # A velocity that is asked for is not raised.
+    calls.clear()
+    tight = run_study(load_requirement({**asked, "delta_v_m_s": 0.5 * sized["reached"]}))
+    assert not tight.closed and tight.relaxed == ({"delta_v_m_s": pytest.approx(sized["reached"])},)
+
+
+@pytest.mark.parametrize(("changes", "delta_v"), [({}, None), (CORRECTED, 0.0)])
+def test_thrusters_and_corrections_belong_together(changes, delta_v):
+    asked = load_requirement({**CASE, "changes": {**CASE["changes"], **changes}, "delta_v_m_s": delta_v})
+    with pytest.raises(ScenarioError, match=r"delta_v_m_s = (null|0): must be"):
+        run_study(asked)
 
 
 def test_campaigns_decide_whether_a_probability_is_kept(bare):
