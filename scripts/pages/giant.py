@@ -55,9 +55,9 @@ lunar-Lambert law is exp(-phase / 60 deg), with which ours was compared; the def
 | ours | {our_across:.4f} | {our_along:.3f} | {our_chi:.2f} |
 
 Ours weights each line of sight by what it says of the position, GIANT takes all alike: the two positions differ by
-{apart:.2f} of one sigma of ours (rms a component). Ours takes the error that is given. GIANT's covariance is of the scatter in x
-and in y between each point and the nearest one of the limb: an error across the limb is shared between the two, so that each has
-about half of its square, and the covariance is about half of what errors come to.
+{apart:.2f} of one sigma of ours (rms a component). Ours takes the error that is given. GIANT's covariance is of the scatter in
+x and in y between each point and the nearest one of the limb: an error across the limb is shared between the two, so that each
+has about half of its square, and the covariance is about half of what errors come to.
 
 Not compared: GIANT's extraction of limbs from pictures. In this version its limb scanner ends in an error of shapes, and its
 edge detector found no limbs of our pictures of spheres, with the defaults of both.

@@ -310,7 +310,7 @@ def flights() -> list[str]:
         aim = max(told["aim_error_deg_arrival"].values())
         row = (
             f"| `{name}`{title[len(name) :]} | {shares} | {_number(sent[0])}, {_number(sent[1])} | {error:.3g} | {sigma:.3g} | "
-            f"{aim:.2g} | {ways}; {sum(told['not_used'].values())} not used | {took[1] / took[0]:.1f} |"
+            f"{aim:.2g} | {ways}; {sum(one['count'] for one in told['not_used'])} not used | {took[1] / took[0]:.1f} |"
         )
         print(row, flush=True)
         rows.append(row)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
 from scipy.spatial.transform import Rotation
 
 from swarm_mj.errors import ScenarioError
@@ -31,16 +32,15 @@ from swarm_mj.observation.capture import Picture
 from swarm_mj.observation.photometry import body_surface
 from swarm_mj.observation.shading import ShadedBody
 from swarm_mj.scenarios.schema_navigation import OpticalNavigation
-from swarm_mj.simulator.faults.dispersions import ARCSEC, Stream, stream
+from swarm_mj.scenarios.schema_sensors import Sensors
+from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, Stream, stream
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.telemetry import correlated
 from swarm_mj.smallbody.simplify import simplify
+from swarm_mj.spacecraft.attitude.estimation import sense
 from swarm_mj.spacecraft.mounting import nominal_mount, true_mount
 from swarm_mj.typing import Array
 
-#: White error of an attitude known by star tracker and gyro, over that of one reading of the tracker: 12 of 25 arcsec, see
-#: `schema_sensors`.
-FILTERED = 12.0 / 25.0
 #: Least time between two pictures of a spacecraft for navigation [s].
 SHORTEST_S = 1.0
 #: What is known at first where the scenario does not say: shares of distance and speed, and at most [m, m/s].
@@ -114,7 +114,7 @@ class OpticalNavigator:
         sensors = scenario.spacecraft.sensors
         self._noise = FilterNoise(
             acceleration=asked.velocity_walk_m_s_sqrt_h / 60.0,
-            attitude=FILTERED * sensors.star_tracker_noise_arcsec * ARCSEC,
+            attitude=known_attitude(sensors, scenario.control.period_s),
             # What the camera is turned by besides the spacecraft does not know; as if each axis were by as much.
             mount=float(
                 np.hypot(
@@ -157,7 +157,7 @@ class OpticalNavigator:
         firing = self._note_pushes(simulation)
         if tick >= self._next:
             self._next = tick + self._ticks_to_next(simulation)
-            self._waiting += [_Event(t, j, picture=seen) for j, seen in self._pictures(simulation)]
+            self._waiting += self._pictures(simulation)
             self._waiting += [_Event(t, i, other=j, range_m=d) for i, j, d in self._ranges(simulation)]
         self._use_what_is_known_by(t)
         self._write(simulation)
@@ -237,14 +237,14 @@ class OpticalNavigator:
             self._waiting.append(_Event(t, int(j), delta_v_N=gained[j], covariance=error))
         return bool(gained.any())
 
-    def _pictures(self, simulation: Simulation) -> list[tuple[int, SeenPicture]]:
+    def _pictures(self, simulation: Simulation) -> list[_Event]:
         """The pictures of this instant, as far as cameras work and look at the body."""
         state, plan, t = simulation.state, self.plan, simulation.time
         camera, environment = plan.scenario.camera, plan.environment
         working = simulation.camera_on & state.released & looks_at_body(simulation.state.targets.kind)
         working[plan.n_observers :] = False
         C_AN, sun_N = environment.C_AN(t), environment.sun.at(t)
-        q_known = self._known_attitudes(simulation)
+        q_known, sigma = self._known_attitudes(simulation)
         taken = []
         for j in np.flatnonzero(working):
             C_BN = Rotation.from_quat(state.q_BN[j], scalar_first=True).as_matrix().T
@@ -257,7 +257,7 @@ class OpticalNavigator:
                 nominal_mount(camera.boresight_B) @ Rotation.from_quat(q_known[j], scalar_first=True).as_matrix().T
             )
             pose = CameraPose(np.zeros(3), C_known @ C_AN.T @ self._misturned(t).T)
-            taken.append((int(j), self._seen(picture, pose)))
+            taken.append(_Event(t, int(j), picture=self._seen(picture, pose), attitude=float(sigma[j])))
         return taken
 
     def _misturned(self, t: float) -> Array:
@@ -266,17 +266,29 @@ class OpticalNavigator:
         phi_N = self._turned + environment.C_PN[2] * (self._spun * t)
         return Rotation.from_rotvec(environment.C_AN(t) @ phi_N).as_matrix().T
 
-    def _known_attitudes(self, simulation: Simulation) -> Array:
-        """Attitudes as star tracker and gyro give them, shape (n, 4)."""
-        injection, q_BN = simulation.injection, simulation.state.q_BN
+    def _known_attitudes(self, simulation: Simulation) -> tuple[Array, Array]:
+        """Attitudes as star tracker and gyro give them now, shape (n, 4), and their errors about each axis, (n,) [rad]."""
+        injection, state = simulation.injection, simulation.state
         if injection is None or not injection.sensing.active:
-            return q_BN
-        knowledge = injection.sensing.knowledge
-        if not np.linalg.norm(knowledge.q_BN, axis=1).all():
-            return q_BN
-        # What is known was read at the decision before: a control period ago.
-        turned = Rotation.from_rotvec(knowledge.omega_BN_B * simulation.period)
-        return (Rotation.from_quat(knowledge.q_BN, scalar_first=True) * turned).as_quat(scalar_first=True)
+            return state.q_BN, np.zeros(len(state.q_BN))
+        # The sensors are read with the picture; the decision of this instant goes by the same reading.
+        injection.prepare_sensors()
+        knowledge, period = injection.sensing.knowledge, simulation.period
+        sense(simulation.tick, state.q_BN, state.omega_B, period, knowledge)
+        # Late ones are carried on by the rate that was read with them.
+        late = knowledge.delay * period
+        turned = Rotation.from_rotvec(knowledge.omega_BN_B * late[:, None])
+        q_BN = (Rotation.from_quat(knowledge.q_BN, scalar_first=True) * turned).as_quat(scalar_first=True)
+        if not injection.sensing.estimating:
+            return q_BN, np.zeros(len(q_BN))
+        P, gyro = knowledge.state.covariance, knowledge.sensors.gyro_noise
+        angle, cross, bias = (
+            np.trace(block, axis1=1, axis2=2) / 3.0 for block in (P[:, :3, :3], P[:, :3, 3:], P[:, 3:, 3:])
+        )
+        # What the gyro erred by in its last period is in the attitude already, but for what the star tracker took away.
+        kept = 1.0 - np.minimum(angle / knowledge.assumed[2] ** 2, 1.0)
+        carried = late * (late * bias - 2.0 * cross + gyro**2 * (late / period + 2.0 * kept))
+        return q_BN, np.sqrt(angle + carried)
 
     def _ranges(self, simulation: Simulation) -> list[tuple[int, int, float]]:
         """Ranges between spacecraft in reach of each other that the body does not part, of one group."""
@@ -335,7 +347,7 @@ class OpticalNavigator:
         if not isinstance(fix, Fix):
             self._note(event, fix.kind, fix.why, None, 0, diameter)
             return
-        update = each.use_fix(j, fix, believed_AN)
+        update = each.use_fix(j, fix, believed_AN, event.attitude)
         points = tuple(tuple(point) for point in np.round(fix.points_A, 3).tolist())
         self._note(event, fix.kind, "" if update.accepted else WILD, update.nis, update.dof, diameter, points)
 
@@ -395,6 +407,7 @@ class _Event:
         t: When it happened [s].
         spacecraft: Whose, from 0.
         picture: What it took; None: it is something else.
+        attitude: White error of its camera's attitude about each axis [rad]; None: likewise.
         other: To whom it ranged, from 0; None: likewise.
         range_m: That range [m].
         delta_v_N: What it gained, shape (3,) [m/s]; None: likewise.
@@ -404,10 +417,31 @@ class _Event:
     t: float
     spacecraft: int
     picture: SeenPicture | None = None
+    attitude: float | None = None
     other: int | None = None
     range_m: float = 0.0
     delta_v_N: Array | None = None
     covariance: Array | None = None
+
+
+def known_attitude(sensors: Sensors, period: float) -> float:
+    """White error of an attitude by star tracker and gyro about each axis, once their filter has settled [rad]."""
+    tracker = sensors.star_tracker_noise_arcsec * ARCSEC
+    if tracker == 0.0:
+        return 0.0
+    gyro = sensors.gyro_angular_random_walk_deg_sqrt_h * DEG_PER_SQRT_HOUR
+    walk = sensors.gyro_rate_random_walk_deg_h_sqrt_h * DEG_PER_HOUR / 60.0
+    # Of attitude and bias, in units of the tracker's error; a bias that never walks is soon known.
+    gyro, walk = gyro / tracker, max(walk, 1e-6 * gyro, 1e-12) / tracker
+    F, H = np.array([[1.0, -period], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+    Q = np.array(
+        [
+            [gyro**2 * period + walk**2 * period**3 / 3.0, -0.5 * walk**2 * period**2],
+            [-0.5 * walk**2 * period**2, walk**2 * period],
+        ]
+    )
+    before = float(solve_discrete_are(F.T, H.T, Q, np.eye(1))[0, 0])
+    return tracker * float(np.sqrt(before / (1.0 + before)))
 
 
 def first_sigmas(asked: OpticalNavigation, r_N: Array, v_N: Array) -> Array:

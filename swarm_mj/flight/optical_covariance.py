@@ -179,6 +179,10 @@ class _Along:
     def __init__(self, navigator: OpticalNavigator, start: SwarmFilter, j: int) -> None:
         self.filter, self.used = start, dict[str, int]()
         self._navigator, self._j, self._due = navigator, j, start.t
+        # What is believed errs at first as in a flight of this seed, then by what pictures leave of that: by it cameras point.
+        self._error = np.zeros(len(start.x))
+        drawn = stream(navigator.plan.scenario.seed, Stream.FIRST_KNOWLEDGE, j).standard_normal(6)
+        self._error[:6] = np.sqrt(np.diag(start.covariance(0))[:6]) * drawn
 
     def fly(self, end: float) -> Array:
         """Go on to a later time [s]; gives how errors of the state then go with those at the beginning."""
@@ -186,10 +190,14 @@ class _Along:
         M = np.eye(len(each.x))
         # Pictures that are read out too late tell nothing by then.
         while self._due <= end - late:
-            M = each.advance(max(self._due, each.t)) @ M
-            M = self._look(each.t) @ M
+            M = self._go(each.advance(max(self._due, each.t))) @ M
+            M = self._go(self._look(each.t)) @ M
             self._due = each.t + self._navigator.seconds_to_next(each.r_N, each.v_N)
-        return each.advance(end) @ M
+        return self._go(each.advance(end)) @ M
+
+    def _go(self, change: Array) -> Array:
+        self._error = change @ self._error
+        return change
 
     def _look(self, t: float) -> Array:
         """Take a picture; gives how errors of the state after it go with those before."""
@@ -197,7 +205,7 @@ class _Along:
         if self._j >= plan.n_observers:
             return np.eye(len(each.x))
         C_AN = plan.environment.C_AN(t)
-        pose = look_at(C_AN @ each.r_N[0], np.zeros(3))
+        pose = look_at(C_AN @ each.r_N[0], -C_AN @ self._error[:3])
         picture = Picture(t, self._j, pose.r_A, pose.C_CA, C_AN @ plan.environment.sun.at(t))
         fix = self._navigator.measured(picture, each.position_sigma(0))
         if not isinstance(fix, Fix):

@@ -121,13 +121,24 @@ class PictureMaker:
         return self._body.draw_spread(self.lens, pose, sun_A, psf_px, fewest=fewest)
 
     def _motion_px(self, picture: Picture, exposure_s: float) -> float:
-        """How far the body's centre moves over the detector in an exposure [px]; 0 where it is not ahead."""
+        """How far what is in a picture moves over the detector in an exposure, at most [px]; 0 where nothing is ahead."""
         if picture.motion is None or exposure_s <= 0.0:
             return 0.0
-        ends = [moved(picture.pose, picture.motion, side * exposure_s).to_camera(np.zeros(3)) for side in (-0.5, 0.5)]
-        if min(end[2] for end in ends) <= 0.0:
+        now = picture.pose.to_camera(self._vertices)
+        ahead = np.flatnonzero(now[:, 2] > 0.0)
+        if not len(ahead):
             return 0.0
-        return float(np.linalg.norm(np.subtract(*(end[:2] / end[2] for end in ends))) * self.lens.focal_px)
+        beside = np.abs(now[ahead, :2] / now[ahead, 2:] * self.lens.focal_px)
+        seen = ahead[(beside <= np.array([self.lens.width, self.lens.height]) / 2.0).all(axis=1)]
+        if not len(seen):  # of faces wider than the picture, the corner that is nearest to it
+            seen = ahead[[int(np.linalg.norm(beside, axis=1).argmin())]]
+        before, after = (
+            moved(picture.pose, picture.motion, side * exposure_s).to_camera(self._vertices[seen])
+            for side in (-0.5, 0.5)
+        )
+        stays = (before[:, 2] > 0.0) & (after[:, 2] > 0.0)
+        way = before[stays, :2] / before[stays, 2:] - after[stays, :2] / after[stays, 2:]
+        return float(np.linalg.norm(way, axis=1).max(initial=0.0)) * self.lens.focal_px
 
     def take(self, picture: Picture, fewest: int = FEWEST) -> Exposed:
         """Expose a picture, with the noise that belongs to its spacecraft and time; `fewest` samples along a pixel."""

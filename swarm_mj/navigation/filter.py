@@ -40,7 +40,7 @@ class FilterNoise:
 
     Attributes:
         acceleration: White noise of the acceleration, each component [m/s^1.5].
-        attitude: White error of a camera's attitude about each axis, anew in every picture [rad].
+        attitude: White error of a camera's attitude about each axis, anew in every picture, where that tells none [rad].
         mount: Constant turn of a camera about each axis [rad].
         gm: Of the gravitational parameter, over it [-].
         rotation: Of the body's orientation about each axis at the epoch [rad].
@@ -217,8 +217,15 @@ class SwarmFilter:
         wide[own + 3 : own + 6] = _root(covariance)
         self._triangularise(np.hstack((self.S, wide)))
 
-    def use_fix(self, j: int, fix: Fix, C_AN: Array) -> Update:
-        """Use what a picture of spacecraft j told, whose believed position was the estimate; `C_AN`: rotation from N to A."""
+    def use_fix(self, j: int, fix: Fix, C_AN: Array, attitude: float | None = None) -> Update:
+        """Use what a picture of spacecraft j told, whose believed position was the estimate.
+
+        Args:
+            j: Whose.
+            fix: What it told.
+            C_AN: Rotation from N to A.
+            attitude: White error of the camera's attitude about each axis [rad]; None: that of the filter's noise.
+        """
         H = np.zeros((len(fix.y), len(self.x)))
         own, shared = OWN * j, OWN * self.n
         H[:, own : own + 3] = fix.H @ C_AN
@@ -230,7 +237,9 @@ class SwarmFilter:
         # It was measured as if camera and body were turned as believed at first.
         others = H.copy()
         others[:, own : own + 3] = 0.0
-        return self._use(fix.y - others @ self.x, H, fix.covariance(self.noise.attitude))
+        return self._use(
+            fix.y - others @ self.x, H, fix.covariance(self.noise.attitude if attitude is None else attitude)
+        )
 
     def use_range(self, i: int, j: int, measured: float, sigma: float) -> Update:
         """Use a range between two spacecraft [m], known to `sigma`."""

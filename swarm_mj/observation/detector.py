@@ -20,6 +20,8 @@ from swarm_mj.typing import Array, Array32
 
 #: Share of the pixels of the body that automatic exposure lets become brighter than it aims at.
 BRIGHTEST = 1e-3
+#: A full pixel may read less by so many sigmas of the read noise.
+FULL_SIGMAS = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +65,8 @@ class Exposed:
 
     @property
     def saturated(self) -> NDArray[np.bool_]:
-        """Pixels that are full, same shape."""
-        return self.counts >= self.full_scale
+        """Pixels that are full, but for what reading them out errs by, same shape."""
+        return self.counts >= self.full_scale - FULL_SIGMAS * self.read_noise_e / self.gain
 
 
 class DetectorModel:

@@ -134,7 +134,8 @@ def navigation_findings(found: CorrectionAnalysis) -> list[str]:
     if not found.spread.at_arrival.any():
         return [
             "nothing is said to err, so nothing spreads: give dispersions.deployment_velocity_m_s, mothership_position_m, "
-            "mothership_velocity_m_s, or navigation and burn errors with corrections"
+            "mothership_velocity_m_s, or navigation and burn errors with corrections",
+            *_by_pictures(found),
         ]
     stages = [[row for row in rows if row["corrections"] == k] for k in range(m + 1)]
     said = [_stage(k, stage) for k, stage in enumerate(stages)]

@@ -33,13 +33,19 @@ def optical_summary(plan: Plan, telemetry: xr.Dataset) -> Row:
     at = arrivals, np.arange(n)
     distance = np.linalg.norm(telemetry["r_BN_N"].values[at], axis=-1)
     aim_deg = np.degrees(_across(off[at], telemetry["r_BN_N"].values[at]) / distance)
-    sigma = np.sqrt(np.linalg.eigvalsh(position_covariance(telemetry))[..., -1])
+    P = position_covariance(telemetry)
+    sigma = np.sqrt(np.linalg.eigvalsh(P)[..., -1])
+    nees = np.einsum("jk,jk->j", off[at], np.linalg.solve(P[at], off[at][..., None])[..., 0])
     dof = sum(one["dof"] for one in used)
     found = {
         "used": dict(Counter(one["kind"] for one in used)),
-        "not_used": dict(Counter(one["why"] for one in records if one["why"]).most_common()),
+        "not_used": [
+            {"why": why, "count": count}
+            for why, count in Counter(one["why"] for one in records if one["why"]).most_common()
+        ],
         "position_error_m_arrival": by_name(plan.names[:n], np.linalg.norm(off[at], axis=-1), 3),
         "position_3_sigma_m_arrival": by_name(plan.names[:n], 3.0 * sigma[at], 3),
+        "nees_per_component_arrival": by_name(plan.names[:n], nees / 3.0, 4),
         "aim_error_deg_arrival": by_name(plan.names[:n], aim_deg, 6),
         "position_error_m_largest": rounded(float(np.linalg.norm(off, axis=-1).max()), 3),
         "nis_per_component": rounded(sum(one["nis"] for one in used) / dof, 4) if dof else None,
@@ -87,8 +93,7 @@ def _findings(plan: Plan, found: Row, records: list[Row]) -> list[str]:
 
 
 def _reasons(found: Row) -> str:
-    most = list(found["not_used"].items())[:MOST_REASONS]
-    return "; ".join(f"{count} for {why}" for why, count in most)
+    return "; ".join(f"{one['count']} for {one['why']}" for one in found["not_used"][:MOST_REASONS])
 
 
 def _remedy(plan: Plan, found: Row) -> str:

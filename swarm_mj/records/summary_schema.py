@@ -147,14 +147,22 @@ class NavigationSummary(Record):
     findings: list[str] = []
 
 
+class NotUsed(Record):
+    """Why pictures for navigation were not used, and how many."""
+
+    why: str = ""
+    count: NonNegativeInt = 0
+
+
 class OpticalSummary(Record):
     """What navigation by pictures came to, as far as it is read again."""
 
     findings: list[str] = []
     used: dict[str, int] = {}
-    not_used: dict[str, int] = {}
+    not_used: list[NotUsed] = []
     position_error_m_arrival: ByName = {}
     position_3_sigma_m_arrival: ByName = {}
+    nees_per_component_arrival: ByName = {}
     aim_error_deg_arrival: ByName = {}
 
 
