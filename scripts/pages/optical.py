@@ -28,7 +28,7 @@ from swarm_mj.io.machine import usable_cores
 from swarm_mj.navigation.centroid import measure_centroid
 from swarm_mj.navigation.landmarks import measure_landmarks
 from swarm_mj.navigation.limb import measure_horizon, measure_limb
-from swarm_mj.navigation.picture import Fix, Predictor, Rejected, SeenPicture
+from swarm_mj.navigation.picture import TAKEN_SAMPLES, Fix, Predictor, Rejected, SeenPicture
 from swarm_mj.observation.camera import CameraModel, CameraPose, look_at
 from swarm_mj.observation.detector import DetectorModel
 from swarm_mj.observation.lens import lens_of
@@ -78,8 +78,6 @@ CASES = (
 )
 #: Error of the believed position over the distance, 1 sigma of each component.
 PRIOR = 1e-3
-#: Samples along a pixel of pictures, at least, by which they are finer than the predictions that they are held against.
-TRUTH_SAMPLES = 16
 #: A wider camera for Bennu.
 BENNU = {"camera.half_angle_deg": 8.0, "camera.resolution_px": 256}
 #: Flights that are flown with perfect knowledge and by pictures.
@@ -109,9 +107,8 @@ Written by `python -m scripts.pages.optical --pictures {count}`. How it works: [
 ## Measurements
 
 {count} pictures a row, of 512 x 512 pixels and 20 deg, by the detector `cubesat`, at phases of 0 to 120 deg, from believed
-positions that err by 0.1 % of the distance in each component. Pictures have 16 samples along a pixel at least, the
-predictions they are held against, and the pictures of flights, 4. Attitudes are exact. The model is the body itself: what a
-shape, an albedo or a law that is not quite the body's adds is `centroid_model`, `limb_model_px` and `landmark_model_px` of
+positions that err by 0.1 % of the distance in each component. Pictures have 8 samples along a pixel at least, as in
+flights, the predictions they are held against 4. Attitudes are exact. The model is the body itself: what a shape, an albedo or a law that is not quite the body's adds is `centroid_model`, `limb_model_px` and `landmark_model_px` of
 flights, and zero here. *Diameter* is that of the sphere about the body. *chi-square* is the sum of the squared errors over
 the covariances that measurements say, a component; in brackets where 95 % of right ones lie. Above it, measurements promise
 too much; below, too little. *Worst picture* is that of a single one.
@@ -120,9 +117,9 @@ too much; below, too little. *Worst picture* is that of a single one.
 |---|---|---|---|---|---|---|---|---|---|
 {table}
 
-Rows outside the brackets: the error by samples, which limbs and landmarks allow for besides noise, is one number for a size
-of the body on the picture, whatever its shape and light; it was chosen so that limbs of 300 pixels, drawn and predicted
-with 4 samples, come out right. Landmarks count with an error of their own of 0.02 px besides.
+Rows outside the brackets: the error by samples of the prediction, which limbs and landmarks allow for besides noise, is one
+number for a size of the body on the picture, whatever its shape and light; it was chosen so that limbs of 100 to 400 pixels
+come out right in the mean of the four bodies. Landmarks count with an error of their own of 0.02 px besides.
 
 ## Flights
 
@@ -165,7 +162,7 @@ class Studio:
     def shot(self, r_A: Array, C_CA: Array, sun_A: Array, rng: np.random.Generator, believed_A: Array) -> SeenPicture:
         """A picture from a pose, believed to be taken from elsewhere."""
         psf_px = CAMERA.detector.psf_sigma_px
-        factor = self.body.draw_spread(LENS, CameraPose(r_A, C_CA), sun_A, psf_px, fewest=TRUTH_SAMPLES)
+        factor = self.body.draw_spread(LENS, CameraPose(r_A, C_CA), sun_A, psf_px, fewest=TAKEN_SAMPLES)
         exposed = self.detector.expose(factor, float(np.linalg.norm(sun_A)), rng)
         diameter_px = self.predictor.diameter_at(float(np.linalg.norm(r_A)), LENS)
         return SeenPicture.of(exposed, LENS, psf_px, diameter_px, CameraPose(believed_A, C_CA), sun_A)

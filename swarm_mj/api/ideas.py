@@ -27,12 +27,13 @@ from swarm_mj.io.machine import check_workers
 from swarm_mj.io.progress import using_bars
 from swarm_mj.io.records import writing
 from swarm_mj.records.design_files import design_record
+from swarm_mj.scenarios.keys import section_of
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
     from swarm_mj.designer.study import Verified
-    from swarm_mj.ideas.chain import Campaign, Said
+    from swarm_mj.ideas.chain import Campaign, Said, Study
     from swarm_mj.io.progress import Shown
     from swarm_mj.scenarios import schema
 
@@ -196,8 +197,8 @@ def study(
     Raises:
         ScenarioError: The requirement or its scenario is not allowed.
         OutputError: The results cannot be kept.
-        KeyboardInterrupt: It was interrupted; flights and pictures of candidates and flights of campaigns are kept, and the
-            same command goes on with them.
+        KeyboardInterrupt: It was interrupted; pictures of candidates and flights of campaigns are kept, and the same command
+            goes on with them; dispersed flights of a design for a probability begin anew.
     """
     check_workers(workers)
     asked, place = load_requirement(requirement), KnowledgeBase(base)
@@ -208,18 +209,22 @@ def study(
         near = None
         if asked.nearest and not found.closed:
             near = nearest(kept, place, campaign=campaign, workers=workers, say=say)
-        studied = Studied(kept, None if near is None else Studied(near))
+        studied = Studied(kept, None if near is None else Studied(near[1]))
         if folder is not None:
-            # The evidence that the report points to, as `swarm-mj fly` and `swarm-mj design` write it.
-            if found.design is not None:
-                record = design_record(found.design)
-                Design(found.design.scenario, record, study=found.design).save(folder / "design", progress=bars)
-            if found.scenario is not None:
-                fly(found.scenario, out=folder / "flight", progress=bars)
-            studied.save(folder)
-            if studied.nearest is not None:
-                studied.nearest.save(folder / "nearest")
+            _save(studied, found, folder, bars)
+            if near is not None and studied.nearest is not None:
+                _save(studied.nearest, near[0], folder / "nearest", bars)
     return studied
+
+
+def _save(studied: Studied, found: Study, folder: Path, bars: Progress | None) -> None:
+    """Write the evidence that a report points to, as `swarm-mj fly` and `swarm-mj design` do, and the report."""
+    if found.design is not None:
+        record = design_record(found.design)
+        Design(found.design.scenario, record, study=found.design).save(folder / "design", progress=bars)
+    if found.scenario is not None:
+        fly(found.scenario, out=folder / "flight", progress=bars)
+    studied.save(folder)
 
 
 def _made(folder: Path) -> Path:
@@ -262,6 +267,25 @@ def _teller(name: str, bars: Progress | None) -> Said | None:
     return lambda words: bars.update(task, description=f"{name}: {words}")
 
 
+def requirement_keys() -> pd.DataFrame:
+    """The keys of a requirement: what each is, with its unit, and its default."""
+    rows = []
+    for name, field in Requirement.model_fields.items():
+        section = section_of(field.annotation)
+        inside = (
+            {name: field} if section is None else {f"{name}.{key}": each for key, each in section.model_fields.items()}
+        )
+        rows += [
+            {
+                "key": key,
+                "default": "required" if each.is_required() else str(each.get_default(call_default_factory=True)),
+                "what": each.description,
+            }
+            for key, each in inside.items()
+        ]
+    return pd.DataFrame(rows)
+
+
 def studies(base: str | Path = BASE) -> pd.DataFrame:
     """The studies of a knowledge base, the oldest first."""
     rows = [
@@ -276,7 +300,7 @@ def studies(base: str | Path = BASE) -> pd.DataFrame:
             "began_with": one.took,
             "wall_s": one.wall_s,
         }
-        for one in KnowledgeBase(base).kept()
+        for one in KnowledgeBase(base, make=False).kept()
     ]
     return pd.DataFrame(
         rows, columns=["id", "name", "made", "version", "closed", "observers", "swarm_kg", "began_with", "wall_s"]
@@ -289,7 +313,7 @@ def open_study(name: str, base: str | Path = BASE) -> Studied:
     Raises:
         OutputError: There is none.
     """
-    place = KnowledgeBase(base)
+    place = KnowledgeBase(base, make=False)
     kept = place.find(name)
     near = nearest_kept(kept, place)
     return Studied(kept, None if near is None else Studied(near))
@@ -301,7 +325,7 @@ def compare_studies(one: str, other: str, base: str | Path = BASE) -> pd.DataFra
     Raises:
         OutputError: There is none of such a name.
     """
-    place = KnowledgeBase(base)
+    place = KnowledgeBase(base, make=False)
     first, second = place.find(one), place.find(other)
     return pd.DataFrame(differences(_whole(first), _whole(second)), columns=["key", first.id, second.id])
 
@@ -322,5 +346,5 @@ def rerun_study(
     check_workers(workers)
     with using_bars(progress) as bars, _campaigns(None, workers, bars) as campaign:
         say = _teller(name, bars)
-        kept, found = rerun(KnowledgeBase(base), name, campaign=campaign, workers=workers, say=say)
+        kept, found = rerun(KnowledgeBase(base, make=False), name, campaign=campaign, workers=workers, say=say)
     return pd.DataFrame(found, columns=["key", f"kept ({kept.version})", "now"])

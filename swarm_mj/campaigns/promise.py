@@ -45,6 +45,6 @@ def fly_promise(
         met = sum(map(bool, results["covered"].to_pylist()))
     else:
         least = 100.0 - scenario.designer.tolerance_percent
-        met = sum(seen is not None and seen >= least for seen in results[record[0]].to_pylist())
+        met = sum(seen is not None and seen >= least for seen in results[record[0].replace(".", "_")].to_pylist())
     share = probability(met, runs)
     return Verified(runs, results["status"].to_pylist().count("failed"), met, share.low, share.high, promised)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 #: What is done with kept studies, and how many of them it takes.
-VERBS = {"list": 0, "show": 1, "compare": 2, "rerun": 1}
+VERBS = {"list": 0, "show": 1, "compare": 2, "rerun": 1, "keys": 0}
 #: Differences that are shown at once.
 MOST_ROWS = 40
 
@@ -30,7 +30,9 @@ def add(commands: argparse._SubParsersAction) -> None:
         "study is kept. Exit status 1 where the requirement is not met, or a rerun differs.",
     )
     ideas.add_argument(
-        "what", metavar="WHAT", help="YAML file of a requirement; or list, show STUDY, compare STUDY STUDY, rerun STUDY"
+        "what",
+        metavar="WHAT",
+        help="YAML file of a requirement; or keys of one, list, show STUDY, compare STUDY STUDY, rerun STUDY",
     )
     ideas.add_argument("study", nargs="*", metavar="STUDY", help="id of a kept study, the beginning of it, or its name")
     ideas.add_argument("--base", type=Path, metavar="FILE", help="the knowledge base (default: results/ideas.sqlite)")
@@ -51,9 +53,11 @@ def _ideas(arguments: argparse.Namespace) -> int:
     base = ideas.BASE if arguments.base is None else arguments.base
     if (count := VERBS.get(verb, 0)) != len(names):
         raise SwarmError(f"ideas {verb}: takes {count} studies, not {len(names)}")
-    if arguments.out is not None and verb in ("list", "compare", "rerun"):
+    if arguments.out is not None and verb in ("keys", "list", "compare", "rerun"):
         raise SwarmError(f"ideas {verb}: writes nothing; leave --out out")
     with bars_for(arguments) as bars:
+        if verb == "keys":
+            return _show(bars.console, "Keys of a requirement", ideas.requirement_keys(), most=None)
         if verb == "list":
             return _show(bars.console, f"Studies in {base}", ideas.studies(base))
         if verb == "compare":
@@ -82,10 +86,10 @@ def _ideas(arguments: argparse.Namespace) -> int:
         return int(not one.closed)
 
 
-def _show(console: Any, title: str, rows: pd.DataFrame) -> int:
-    """Print a table of rows, the first of many."""
-    show_table(console, _table(title, rows.head(MOST_ROWS)))
-    if len(rows) > MOST_ROWS:
+def _show(console: Any, title: str, rows: pd.DataFrame, most: int | None = MOST_ROWS) -> int:
+    """Print a table of rows, the first of many; None: all."""
+    show_table(console, _table(title, rows if most is None else rows.head(most)))
+    if most is not None and len(rows) > most:
         tell(console, f"and {len(rows) - MOST_ROWS} more")
     return 0
 

@@ -26,7 +26,7 @@ from swarm_mj.mission.covariance import burn_covariance
 from swarm_mj.mission.trajectories import AccelerationN
 from swarm_mj.navigation.filter import FilterNoise, SwarmFilter
 from swarm_mj.navigation.measure import measure
-from swarm_mj.navigation.picture import FEWEST_SAMPLES, Fix, Predictor, Rejected, SeenPicture
+from swarm_mj.navigation.picture import TAKEN_SAMPLES, Fix, Predictor, Rejected, SeenPicture
 from swarm_mj.observation.camera import CameraMotion, CameraPose
 from swarm_mj.observation.capture import Picture
 from swarm_mj.observation.photometry import body_surface
@@ -215,7 +215,7 @@ class OpticalNavigator:
 
     def _seen(self, picture: Picture, pose: CameraPose) -> SeenPicture:
         """A picture taken, as navigation is given it with a believed pose."""
-        exposed, lens = self._maker.take(picture, fewest=FEWEST_SAMPLES), self._maker.lens
+        exposed, lens = self._maker.take(picture, fewest=TAKEN_SAMPLES), self._maker.lens
         diameter_px = self._predictor.diameter_at(float(np.linalg.norm(picture.r_A)), lens)
         psf_px = self.plan.scenario.camera.detector.psf_sigma_px
         return SeenPicture.of(exposed, lens, psf_px, diameter_px, pose, picture.sun_A)

@@ -82,10 +82,11 @@ def record_of(study: Study) -> dict[str, Any]:
             "power_w": one.power_w,
             "panels_give_w": one.available_w,
             "propellant_kg": one.propellant_kg,
-            "on_earth_after_h": one.send_h,
+            "sent_within_h_as_sized": one.send_h,
             "camera": {
                 "aperture_m": payload.aperture_m,
                 "focal_length_m": payload.focal_m,
+                "f_number": payload.focal_m / payload.aperture_m,
                 "length_m": payload.length_m,
                 "pixel_rad": payload.pixel_rad,
                 "half_angle_deg": payload.half_angle_deg,
@@ -119,14 +120,19 @@ class KnowledgeBase:
     """Studies in a file.
 
     Args:
-        path: Of the file, which is made where there is none.
+        path: Of the file.
+        make: Whether it is made where there is none.
 
     Raises:
         OutputError: It cannot be opened, or is no knowledge base.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, *, make: bool = True) -> None:
         self.path = Path(path)
+        if not make and not self.path.is_file():
+            raise OutputError(
+                f"{self.path}: there is no such knowledge base; studies make one, --base FILE names another"
+            )
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -168,8 +174,11 @@ class KnowledgeBase:
         raise OutputError(f"{name}: {what} in {self.path}; it holds {known}")
 
     def nearest(self, asked: Requirement) -> Kept | None:
-        """The closed study that is most like a requirement; None: none is alike."""
-        found = [(closeness(asked, one.requirement), one) for one in self.kept() if one.record["closed"]]
+        """The closed study that is most like a requirement, and not that of itself; None: none is alike."""
+        own = identity(asked)
+        found = [
+            (closeness(asked, one.requirement), one) for one in self.kept() if one.record["closed"] and one.id != own
+        ]
         near = [pair for pair in found if pair[0] <= NEAR]
         return min(near, key=lambda pair: pair[0])[1] if near else None
 
@@ -232,15 +241,15 @@ def nearest(
     workers: int | None = None,
     say: Said | None = None,
     **also: Any,
-) -> Kept | None:
+) -> tuple[Study, Kept] | None:
     """The study of the nearest requirement that a swarm meets, where none meets one; None: none was found in `NEAREST` steps.
 
     Each step is a study of its own, which is kept.
     """
     for easier in easier_than(found):
-        _, kept = study(easier, base, workers=workers, say=say, **also)
+        step, kept = study(easier, base, workers=workers, say=say, **also)
         if kept.record["closed"]:
-            return kept
+            return step, kept
     return None
 
 
@@ -252,8 +261,25 @@ def nearest_kept(found: Kept, base: KnowledgeBase) -> Kept | None:
     return next((one for one in base.kept() if one.id in steps and one.record["closed"]), None)
 
 
+#: By which of their keys rows of a record are told apart.
+NAMED_BY = ("name", "requirement", "kind", "key")
+
+
+def _by_name(rows: Any) -> Any:
+    """Rows that are told apart by a name, by that; anything else as it is."""
+    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
+        return rows
+    key = next((key for key in NAMED_BY if all(key in row for row in rows)), None)
+    named = {str(row[key]): row for row in rows} if key else {}
+    return named if len(named) == len(rows) else rows
+
+
 def differences(one: Any, other: Any, key: str = "") -> list[tuple[str, Any, Any]]:
     """Where two records differ: key, value of the one, value of the other."""
+    if isinstance(one, list) and isinstance(other, list):
+        named = _by_name(one), _by_name(other)
+        if all(isinstance(each, dict) for each in named):
+            one, other = named
     if isinstance(one, dict) and isinstance(other, dict):
         keys = [*one, *(name for name in other if name not in one)]
         return [
@@ -264,6 +290,10 @@ def differences(one: Any, other: Any, key: str = "") -> list[tuple[str, Any, Any
     if isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
         pairs = enumerate(zip(one, other, strict=True))
         return [row for k, (a, b) in pairs for row in differences(a, b, f"{key}.{k}")]
+    if isinstance(one, dict) != isinstance(other, dict):
+        # Where one of them has a whole section more, its values say so.
+        both = (one, {}) if isinstance(one, dict) else ({}, other)
+        return differences(*both, key) or [(key, one, other)]
     return [] if one == other else [(key, one, other)]
 
 

@@ -19,7 +19,7 @@ OUTCOME_WORDS = {
     "can_be_built": "whether a spacecraft can be built",
     "observers": "least number of observers of the lightest swarm",
     "swarm_kg": "least mass of the lightest swarm",
-    "send_h": "time until its pictures are on Earth, as sized",
+    "send_h": "time in which its pictures are sent, as sized",
 }
 
 
@@ -109,7 +109,14 @@ def _spacecraft(record: Mapping[str, Any]) -> Html | None:
     ]
     columns = ("mode", "time [h]", "draws [W]", "panels give [W]", "batteries give [Wh]")
     times = table(columns, modes, caption="Modes, with margin")
-    return _section(f"The spacecraft: {sized['kind']}", _drawing(sized), budgets, times)
+    lens = sized["camera"]
+    facts = (
+        f"Camera: lens of {1e3 * lens['aperture_m']:.3g} mm, f = {1e3 * lens['focal_length_m']:.3g} mm "
+        f"(f/{lens['f_number']:.2g}), pixels of {1e6 * lens['pixel_rad']:.3g} urad, half-angle "
+        f"{lens['half_angle_deg']:.3g} deg, "
+        f"exposures up to {lens['exposure_s']:.2g} s."
+    )
+    return _section(f"The spacecraft: {sized['kind']}", _drawing(sized), tag("p", facts), budgets, times)
 
 
 def _swarm(record: Mapping[str, Any], there: Mapping[str, str]) -> Html | None:
@@ -237,7 +244,7 @@ def _front(record: Mapping[str, Any]) -> Html | None:
         (one["kind"], *(_number(one[key]) for key in ("resolution_m", "mass_kg", "power_w", "send_h", "least_kg")))
         for one in record.get("alternatives") or []
     ]
-    head = ("kind", "resolution [m]", "mass [kg]", "power [W]", "on Earth after [h]", "swarm at least [kg]")
+    head = ("kind", "resolution [m]", "mass [kg]", "power [W]", "sent within, as sized [h]", "swarm at least [kg]")
     caption = "No other one is better in resolution, masses, power and time; sized, not flown"
     return _section("Alternatives", table(head, rows, caption=caption)) if rows else None
 

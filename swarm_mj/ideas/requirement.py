@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -15,6 +16,17 @@ from swarm_mj.scenarios.explaining import explained, listed
 from swarm_mj.scenarios.schema_quality import PACKAGED
 from swarm_mj.scenarios.section import Section
 
+#: Keys of the scenario that follow from a requirement, and from which of its own.
+SET_BY = {
+    "observation.max_gsd_m": "resolution_m",
+    "observation.classes": "quality",
+    "designer.quality_class": "quality",
+    "designer.max_observers": "limits.spacecraft",
+    "designer.tolerance_percent": "share_percent",
+    "designer.probability": "probability",
+    "data.horizon_s": "deliver_within_h",
+    "design.imaging_altitude_m": "limits.altitudes_m",
+}
 #: What may differ between requirements of which one is no harder to see than the other.
 NOT_OF_KINDS = ("name", "resolution_m", "share_percent", "flights", "nearest", "sobol")
 
@@ -183,10 +195,17 @@ class Requirement(Section):
         return value
 
     @model_validator(mode="after")
-    def _changes_leave_the_camera(self) -> Self:
-        for key in self.changes:
+    def _changes_leave_what_follows(self) -> Self:
+        given = [
+            f"{key}.{inner}" if inner else key
+            for key, value in self.changes.items()
+            for inner in (value if isinstance(value, dict) else [""])
+        ]
+        for key in given:
             if key.split(".")[0] in ("camera", "spacecraft"):
                 raise ValueError(f"changes: {key}: is what is sized; must be a key of another section")
+            if own := next((own for name, own in SET_BY.items() if (key + ".").startswith(name + ".")), None):
+                raise ValueError(f"changes: {key}: follows from {own} of the requirement; must be given there")
         return self
 
     @property
@@ -266,6 +285,5 @@ def load_requirement(source: str | Path | dict[str, Any]) -> Requirement:
     try:
         return Requirement.model_validate(data)
     except ValidationError as error:
-        raise ScenarioError(
-            f"{source if not isinstance(source, dict) else 'requirement'}:\n{listed(error, explained)}"
-        ) from None
+        name = source if not isinstance(source, dict) else "requirement"
+        raise ScenarioError(f"{name}:\n{listed(error, partial(explained, whole=Requirement))}") from None

@@ -5,7 +5,7 @@ Wertz, Everett and Puschell, Space Mission Engineering: The New SMAD (2011), is 
 
 from __future__ import annotations
 
-from math import ceil, exp, sqrt
+from math import ceil, exp, log1p, sqrt
 
 from swarm_mj.scenarios.constants import AU, SOLAR_IRRADIANCE, STANDARD_GRAVITY
 from swarm_mj.scenarios.coverage_relations import RAYLEIGH
@@ -74,6 +74,11 @@ def turning(inertia: float, angle_rad: float, time_s: float) -> tuple[float, flo
 def propellant(dry_kg: float, delta_v: float, specific_impulse_s: float) -> float:
     """Mass that a change of velocity uses up [kg], by the rocket equation."""
     return dry_kg * (exp(delta_v / (STANDARD_GRAVITY * specific_impulse_s)) - 1.0)
+
+
+def velocity(full_kg: float, propellant_kg: float, specific_impulse_s: float) -> float:
+    """Change of velocity that propellant gives a spacecraft of a mass with it [m/s], by the rocket equation."""
+    return -STANDARD_GRAVITY * specific_impulse_s * log1p(-propellant_kg / full_kg)
 
 
 def panel_power(area_m2: float, efficiency: float, sun_distance_m: float, kept: float) -> float:

@@ -273,7 +273,8 @@ def payload_for(
             f"lens of {1e3 * needed:.3g} mm; {size.units}U take {1e3 * size.aperture_m:g} mm",
         )
     focal = sizing.focal_length(pixel, detector.pitch_m)
-    least, most = max(needed, SMALLEST_LENS_M), min(size.aperture_m, focal / FASTEST)
+    most = min(size.aperture_m, focal / FASTEST)
+    least = min(max(needed, SMALLEST_LENS_M), most)
     if most < needed:
         return Refusal(
             "lens",
@@ -281,20 +282,24 @@ def payload_for(
             needed,
             f"its lens would be faster than f/{FASTEST:g}: {1e3 * needed:.3g} mm of {1e3 * focal:.3g} mm",
         )
-    exposure = min(sizing.smear_exposure(pixel * altitude_m, asked.max_blur_px, max(seen.speed, 1e-6)), LONGEST_S)
-    reached, aperture = 0.0, least
+    sharp = min(sizing.smear_exposure(pixel * altitude_m, asked.max_blur_px, max(seen.speed, 1e-6)), LONGEST_S)
+    reached, aperture, exposure = 0.0, least, sharp
     mu0, mu, phase = (float(np.cos(np.radians(angle))) for angle in LIT_AT_DEG)
-    for aperture in np.geomspace(least, max(most, least), LENSES):
+    # Ground at the angles of the signal, and facets there that face the Sun, by which exposures end.
+    factors = np.array([radiance_factor(seen.surface, each, mu, phase) for each in (mu0, 1.0)])
+    for aperture in np.geomspace(least, most, LENSES):
         camera = Camera(
             half_angle_deg=1.0,
             aperture_m=float(aperture),
             wavelength_m=GREEN_LIGHT_M,
             quantum_efficiency=detector.quantum_efficiency,
             read_noise=detector.read_noise,
-            exposure_s=exposure,
+            exposure_s=1.0,
         )
-        light = electrons(camera, pixel, np.array([radiance_factor(seen.surface, mu0, mu, phase)]), seen.sun_m)
-        reached = float(signal_to_noise(camera, light)[0])
+        light = electrons(camera, pixel, factors, seen.sun_m)
+        well = camera.detector.exposure_share * camera.detector.full_well_e
+        exposure = min(sharp, well / float(light[1]))
+        reached = float(signal_to_noise(camera, exposure * light[:1])[0])
         if reached >= asked.min_snr:
             break
     if reached < asked.min_snr:
@@ -302,8 +307,9 @@ def payload_for(
             "signal",
             reached,
             asked.min_snr,
-            f"in {exposure:.3g} s, in which the ground moves by {asked.max_blur_px:g} px at {seen.speed:,.0f} m/s, the largest "
-            f"lens of {1e3 * aperture:.3g} mm gives a signal to noise of {reached:.3g}, not {asked.min_snr:g}",
+            f"in {exposure:.3g} s, in which the ground moves by {asked.max_blur_px:g} px or less at {seen.speed:,.0f} m/s and "
+            f"no pixel overflows, the largest lens of {1e3 * aperture:.3g} mm gives a signal to noise of {reached:.3g}, not "
+            f"{asked.min_snr:g}",
         )
     length = sizing.optics_length(focal, float(aperture))
     if length > size.length_m:

@@ -25,17 +25,18 @@ DETECTED = 5.0
 MARGIN_SIGMAS, MARGIN_PX = 5.0, 3
 #: A pixel so many sigmas of the background above it, the four beside which are as dark as the sky, is hot.
 HOT = 8.0
-#: Samples along a pixel of pictures that are measured, at least.
-FEWEST_SAMPLES = 4
-#: Chosen so that the errors of limbs at 300 pixels, whose pictures have the fewest samples, are those that are said.
-AVERAGED = 0.42
+#: Samples along a pixel of predicted pictures, and of those that are taken and held against them, at least.
+FEWEST_SAMPLES, TAKEN_SAMPLES = 4, 8
+#: Chosen so that the errors of limbs of 100 to 400 pixels, whose pictures have the fewest samples, are those that are said, in
+#: the mean of a sphere, Eros, Bennu and a dumb-bell.
+AVERAGED = 0.6
 
 
 def edge_error(diameter_px: float) -> float:
-    """Error by which the edge of a drawn picture lies off in a pixel, 1 sigma [px], and again in that which predicts it.
+    """Error by which the edge of a predicted picture lies off in a pixel, 1 sigma [px].
 
-    Of k samples along a pixel those k that an edge passes are off by up to half their distance each, on both pictures; the lens
-    takes the mean of some pixels, by which `AVERAGED` of that is left.
+    Of k samples along a pixel those k that an edge passes are off by up to half their distance each, and less on the picture
+    that is taken; the lens takes the mean of some pixels, by which `AVERAGED` of that is left.
     """
     k = min(max(GRID / (diameter_px + 2.0), FEWEST_SAMPLES), MOST)
     return float(AVERAGED * np.sqrt(2.0 * k / 12.0) / k**2)

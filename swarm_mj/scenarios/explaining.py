@@ -53,15 +53,15 @@ def listed(error: ValidationError, explain: Callable[[Any], str]) -> str:
     return "\n".join(lines)
 
 
-def explained(error: Any) -> str:
-    """One mistake in a scenario, in a line; empty if it only follows from another one."""
+def explained(error: Any, whole: type[BaseModel] = Scenario) -> str:
+    """One mistake in a scenario, or another file by its schema, in a line; empty if it only follows from another one."""
     kind, given, context = error["type"], error["input"], error.get("ctx", {})
     unknown = error["loc"][-1:] if kind == "extra_forbidden" else ()
     # Locations of unions hold type names besides keys; keep what leads through the schema. An unknown key may be any word.
     path = [part for part in error["loc"][: len(error["loc"]) - len(unknown)] if not _is_union_branch(part)]
     key = ".".join(str(part) for part in (*path, *unknown)) or "(whole)"
     if unknown:
-        return f"  {key}: unknown key. {_allowed_keys(path, str(unknown[0]))}"
+        return f"  {key}: unknown key. {_allowed_keys(_model_at(path, whole), str(unknown[0]))}"
     if kind == "union_tag_not_found":
         return f"  {key}.kind: missing; allowed: {', '.join(FAULT_KINDS)}"
     if kind == "union_tag_invalid":
@@ -69,7 +69,7 @@ def explained(error: Any) -> str:
     if kind == "missing" and isinstance(given, (list, tuple)):
         # The location ends in the number of the value that is not there.
         key = ".".join(str(part) for part in path[:-1])
-        length = _fixed_length(_model_at(path[:-2]).model_fields[str(path[-2])].annotation)
+        length = _fixed_length(_model_at(path[:-2], whole).model_fields[str(path[-2])].annotation)
         return f"  {key} = {shown(given)}: must be a list of {length}, not {len(given)}"
     if kind == "missing":
         return f"  {key}: missing, a value is required"
@@ -79,13 +79,13 @@ def explained(error: Any) -> str:
         return f"  {'' if key == '(whole)' else key}{separator}{message}"
     if kind == "too_short" and len(given) >= context["min_length"]:
         return ""  # what it holds is wrong, and has its own line
-    return f"  {key} = {shown(given)}: {_must_be(error, path)}"
+    return f"  {key} = {shown(given)}: {_must_be(error, path, whole)}"
 
 
-def _must_be(error: Any, path: Sequence[str | int]) -> str:
+def _must_be(error: Any, path: Sequence[str | int], whole: type[BaseModel]) -> str:
     kind = error["type"]
     if kind == "model_type":
-        return f"must be a section with the keys {', '.join(_model_at(path).model_fields)}"
+        return f"must be a section with the keys {', '.join(_model_at(path, whole).model_fields)}"
     if kind == "model_attributes_type":
         return f"must be a section with the key kind: {', '.join(FAULT_KINDS)}"
     if kind in MUST_BE:
@@ -101,17 +101,16 @@ def _is_union_branch(part: str | int) -> bool:
     )
 
 
-def _allowed_keys(path: Sequence[str | int], unknown: str) -> str:
-    """The keys of the section at a path, and the one that an unknown key may have been meant for."""
-    allowed = list(_model_at(path).model_fields)
+def _allowed_keys(model: type[BaseModel], unknown: str) -> str:
+    """The keys of a section, and the one that an unknown key may have been meant for."""
+    allowed = list(model.model_fields)
     close = difflib.get_close_matches(unknown, allowed, n=1)
     hint = f"Did you mean {close[0]!r}? " if close else ""
     return f"{hint}Allowed: {', '.join(allowed)}"
 
 
-def _model_at(path: Sequence[str | int]) -> type[BaseModel]:
+def _model_at(path: Sequence[str | int], model: type[BaseModel]) -> type[BaseModel]:
     """The section that stands at a path."""
-    model: type[BaseModel] = Scenario
     if len(path) > 2 and path[0] == "faults":
         # Number in the list, then kind.
         model, path = FAULT_KINDS[str(path[2])], path[3:]
