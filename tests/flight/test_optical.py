@@ -4,15 +4,17 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import swarm_mj as sm
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import make_simulation
-from swarm_mj.flight.optical import first_sigmas
+from swarm_mj.flight.optical import OpticalNavigator, first_sigmas, known_attitude
 from swarm_mj.flight.optical_covariance import DrawnKnowledge, known_at_arrivals
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.records.summary_schema import RunSummary
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.schema_sensors import Sensors
 from swarm_mj.simulator.telemetry import position_covariance
 
 #: A body of which nobody says how it reflects light.
@@ -151,3 +153,57 @@ def test_what_cannot_be_is_refused():
     with pytest.raises(ScenarioError, match=r"navigation\.mode"):
         load_scenario("eros-quick", {"navigation.mode": "visual"})
     make_plan(load_scenario("eros-quick"))
+
+
+@pytest.mark.parametrize("walk", [0.15, 1.5])
+def test_attitudes_err_as_their_filters_say(walk, monkeypatch):
+    seen = []
+    honest = OpticalNavigator._known_attitudes
+
+    def watched(self, simulation):
+        q_BN, sigma = honest(self, simulation)
+        true = Rotation.from_quat(simulation.state.q_BN, scalar_first=True)
+        off = (true.inv() * Rotation.from_quat(q_BN, scalar_first=True)).as_rotvec()
+        released = np.flatnonzero(simulation.state.released)
+        if simulation.time > 60.0:
+            seen.extend((off / sigma[:, None])[released].ravel())
+        return q_BN, sigma
+
+    monkeypatch.setattr(OpticalNavigator, "_known_attitudes", watched)
+    changes = {
+        **CASE,
+        "spacecraft.sensors": {"gyro_angular_random_walk_deg_sqrt_h": walk, "star_tracker_bias_arcsec": 0.0},
+        "navigation.optical.interval_s": 5,
+        "navigation.optical.methods": ["centroid"],
+        "camera.resolution_px": 64,
+        "physics.stepper": "kernel",
+    }
+    sm.fly("bennu-slow", changes)
+    assert len(seen) > 500 and 0.85 < np.sqrt(np.mean(np.square(seen))) < 1.15
+
+
+def test_attitudes_that_settle_err_as_scalar_theory_says():
+    # Without a bias that walks: p^2 = q (p + r), p before and q between readings, r of the tracker.
+    sensors = Sensors(gyro_rate_random_walk_deg_h_sqrt_h=0.0, gyro_angular_random_walk_deg_sqrt_h=0.6)
+    q, r = 0.6**2 * 60.0**2 * 0.5, 25.0**2
+    p = 0.5 * (q + np.sqrt(q * q + 4.0 * q * r))
+    after = np.sqrt(p * r / (p + r))
+    assert 3600.0 * np.degrees(known_attitude(sensors, 0.5)) == pytest.approx(after, rel=1e-3)
+    assert known_attitude(Sensors(star_tracker_noise_arcsec=0.0), 0.5) == 0.0
+
+
+def test_cameras_that_are_pointed_by_poor_knowledge_lose_the_body():
+    lost, seen = (
+        known_at_arrivals(make_plan(load_scenario("itokawa-slow", {"navigation.mode": "optical", **more})))
+        for more in ({"seed": 1}, {"seed": 1, "navigation.optical.initial_position_m": 1.0})
+    )
+    widest = [np.sqrt(np.linalg.eigvalsh(P[:, :3, :3])[:, -1]).max() for P in (lost, seen)]
+    assert widest[0] > 30.0 > 3.0 > widest[1]
+
+
+def test_summaries_with_long_reasons_are_read_again(flight):
+    summary = json.loads(json.dumps(flight.summary))
+    summary["optical"]["not_used"] = [{"why": "limb: the fit does not settle; " * 20, "count": 3}]
+    assert RunSummary.model_validate(summary).optical.not_used[0].count == 3
+    found = sm.navigate("bennu-slow", CASE, optical=True)
+    assert any("pictures on the way that tell something" in words for words in found.findings)

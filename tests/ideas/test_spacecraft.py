@@ -25,9 +25,11 @@ from swarm_mj.ideas.spacecraft import (
     pictures_in_passage,
     size_spacecraft,
 )
-from swarm_mj.observation.photometry import surface_of
+from swarm_mj.observation.photometry import radiance_factor, surface_of
+from swarm_mj.observation.radiometry import electrons
 from swarm_mj.scenarios.constants import AU
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.schema_imaging import Camera
 from swarm_mj.scenarios.schema_photometry import Photometry
 
 SCENARIO = load_scenario("bennu-slow")
@@ -268,10 +270,10 @@ def test_finer_and_larger_is_harder_to_see():
 
 def test_the_ground_moves_by_the_pixels_that_are_allowed():
     for resolution_m in (0.2, 2.0):
-        given = asked(resolution_m=resolution_m, max_blur_px=0.5)
-        payload = payload_for(given, SEEN, SIZES[6], 500.0, DETECTORS[1])
+        given, fast = asked(resolution_m=resolution_m, max_blur_px=0.5, min_snr=0), SEEN._replace(speed=1e4)
+        payload = payload_for(given, fast, SIZES[6], 500.0, DETECTORS[1])
         assert isinstance(payload, Payload)
-        assert payload.exposure_s * SEEN.speed == pytest.approx(0.5 * payload.pixel_rad * 500.0)
+        assert payload.exposure_s * fast.speed == pytest.approx(0.5 * payload.pixel_rad * 500.0)
 
 
 @pytest.mark.parametrize("propulsion", PROPULSION)
@@ -312,3 +314,40 @@ def test_the_page_of_built_spacecraft_is_current_and_marco_is_met():
     marco = found["MarCO"]
     assert marco.mass_kg == pytest.approx(13.5, rel=0.15)
     assert marco.available_w * 1.43**2 == pytest.approx(35.0, rel=0.25)
+
+
+def test_pixels_do_not_overflow_and_lenses_can_be_made():
+    for changes in ({}, {"resolution_m": 1.0}, {"resolution_m": 0.05}):
+        given = asked(**changes)
+        payload = payload_for(given, SEEN, SIZES[12], 1000.0, DETECTORS[1])
+        camera = Camera(
+            half_angle_deg=1.0,
+            aperture_m=payload.aperture_m,
+            wavelength_m=550e-9,
+            quantum_efficiency=0.5,
+            exposure_s=payload.exposure_s,
+        )
+        mu, phase = np.cos(np.radians([30.0, 60.0]))
+        facing = radiance_factor(SEEN.surface, 1.0, mu, phase)
+        bright = electrons(camera, payload.pixel_rad, np.array([facing]), SEEN.sun_m)[0]
+        assert bright <= camera.detector.exposure_share * camera.detector.full_well_e * (1.0 + 1e-9)
+        assert payload.snr < np.sqrt(camera.detector.full_well_e)
+        assert payload.focal_m / payload.aperture_m >= 1.4 - 1e-9
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"limits": {"unit": [3]}}, r"limits.unit: unknown key. Did you mean 'units'\? Allowed: units, spacecraft,"),
+        ({"margins": {"masses": 0.3}}, r"margins.masses: unknown key. Did you mean 'mass'"),
+        ({"limits": None}, r"limits = None: must be a section with the keys units,"),
+        ({"delta_v": 20}, r"delta_v: unknown key. Did you mean 'delta_v_m_s'\? Allowed: name, scenario,"),
+        ({"seed": 1}, r"seed: unknown key. Allowed: name,"),
+        ({"changes": {"observation.max_gsd_m": 3}}, r"observation.max_gsd_m: follows from resolution_m"),
+        ({"changes": {"designer": {"max_observers": 3}}}, r"designer.max_observers: follows from limits.spacecraft"),
+        ({"changes": {"camera.half_angle_deg": 3}}, r"camera.half_angle_deg: is what is sized"),
+    ],
+)
+def test_wrong_requirements_are_told_with_the_keys_of_requirements(given, words):
+    with pytest.raises(ScenarioError, match=words):
+        load_requirement({"name": "n", "scenario": "bennu-slow", "resolution_m": 1.0, **given})
