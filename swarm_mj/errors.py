@@ -38,6 +38,18 @@ class MissionError(SwarmError):
     """The mission cannot be flown as asked: no target, no trajectory, or an impossible geometry."""
 
 
+class TooFewObserversError(MissionError):
+    """More observers are needed than are allowed.
+
+    Attributes:
+        needed: How many, at the least.
+    """
+
+    def __init__(self, message: str, needed: int) -> None:
+        super().__init__(message)
+        self.needed = needed
+
+
 class PathError(MissionError):
     """Some of the paths of a mission cannot be flown.
 

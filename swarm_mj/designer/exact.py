@@ -33,7 +33,7 @@ from swarm_mj.designer.reduction import ReducedProblem, cells_of, reduce_problem
 from swarm_mj.designer.relaxation import BROKEN, LEAST_STEP, Rows, climb, reduced_costs, rows_of, violated
 from swarm_mj.designer.repair import repair_designs
 from swarm_mj.designer.requirements import COUNT, completed, first_gains, fulfilled, pruned
-from swarm_mj.errors import MissionError
+from swarm_mj.errors import MissionError, TooFewObserversError
 from swarm_mj.io import highs
 from swarm_mj.observation.coverage import rounded_up_digits
 from swarm_mj.typing import Array, Ints, Mask
@@ -114,7 +114,8 @@ def solve_exact(problem: DesignProblem, time_limit_s: float | None = None, waiti
     points, bound, proven = _covered(problem, reduced, (), left, waiting)
     least = max(math.ceil(bound - FEASIBILITY_TOLERANCE), 1)
     if least > problem.max_observers or (proven and len(points) > problem.max_observers):
-        raise MissionError(_too_few(problem, str(least) if proven else f"at least {least}", time_limit_s))
+        words = _too_few(problem, str(least) if proven else f"at least {least}", time_limit_s)
+        raise TooFewObserversError(words, least)
     if len(points) > problem.max_observers:
         raise MissionError(
             f"no design of at most max_observers = {problem.max_observers} was found in {time_limit_s:g} s, nor excluded "

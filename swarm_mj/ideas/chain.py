@@ -22,7 +22,7 @@ import xarray as xr
 from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.designer.study import Study as DesignStudy
 from swarm_mj.designer.study import Tell, Verified, study_design
-from swarm_mj.errors import MissionError, ScenarioError
+from swarm_mj.errors import MissionError, ScenarioError, TooFewObserversError
 from swarm_mj.flight.coordination import acts_alone
 from swarm_mj.flight.downlink import MOST_SPACECRAFT, deliver
 from swarm_mj.flight.fly import simulate
@@ -354,8 +354,8 @@ class _Search:
         self.tried: list[Tried] = []
         self.best: _Best | None = None
         self.taken = ""
-        #: Of swarms that miss one requirement alone, its key and by how much.
-        self.near: list[tuple[str, Check]] = []
+        #: Of swarms that miss one requirement alone, its key, by how much, and what became of the kind.
+        self.near: list[tuple[str, Check, Tried]] = []
         # Kinds need no fewer than the known study has proven for what is easier to see; where pixels are so coarse that
         # cells lack some, finer ones may show more.
         self.harder = (
@@ -407,7 +407,7 @@ class _Search:
 
     def _design(self, rank: int, one: Spacecraft, bound: float, allowed: float) -> None:
         self.tell(f"{one.name}, {one.mass_kg:.3g} kg each: how many are needed?")
-        study, words = _design(
+        study, words, needed = _design(
             self.asked,
             one,
             self.workers,
@@ -415,6 +415,10 @@ class _Search:
         )
         if study is None:
             self.tried.append(Tried(one.name, one.mass_kg, bound, None, f"swarm: {words}"))
+            if needed:
+                limits = self.asked.limits
+                check = Check("observers", limits.spacecraft, needed, False, "", "as designed")
+                self.near.append(("limits.spacecraft", check, self.tried[-1]))
             return
         proven, n = ceil(study.exact.bound - 1e-6), len(study.selected)
         weight = self.weight(one, n)
@@ -467,13 +471,13 @@ class _Search:
         misses = [check for check in checks if not check.met]
         if only_if_met and misses:
             return False
-        if len(misses) == 1 and np.isfinite(misses[0].reached) and (key := RELAXED.get(misses[0].requirement)):
-            self.near.append((key, misses[0]))
         n, weight = flight.plan.n_observers, flight.plan.n * one.mass_kg
         words = f"{n} {'observer' if n == 1 else 'observers'}, {weight:.3g} kg, {words}"
         if misses:
             words += "; flown: " + ", ".join(f"{c.requirement} {c.reached:.4g}, not {c.asked:.4g}" for c in misses)
         self.tried.append(Tried(one.name, one.mass_kg, bound, n, words, proven=proven))
+        if len(misses) == 1 and np.isfinite(misses[0].reached) and (key := RELAXED.get(misses[0].requirement)):
+            self.near.append((key, misses[0], self.tried[-1]))
         if not misses and (self.best is None or (weight, rank) < self.best[:2]):
             self.best = _Best(weight, rank, one, flight, checks, by)
         return not misses
@@ -484,16 +488,20 @@ def _designed(design: dict[str, Any]) -> dict[str, Any]:
     return {f"design.{key}": value for key, value in design.items() if key == "visiting_points" or value}
 
 
-def _design(asked: Requirement, one: Spacecraft, workers: int | None, tell: Tell) -> tuple[DesignStudy | None, str]:
-    """The swarm designer's answer for a kind of spacecraft, None where it refuses; and its words."""
+def _design(
+    asked: Requirement, one: Spacecraft, workers: int | None, tell: Tell
+) -> tuple[DesignStudy | None, str, int]:
+    """The swarm designer's answer for a kind of spacecraft, None where it refuses; its words; how many observers it lacks."""
     try:
         study = study_design(load_scenario(asked.scenario, one.changes(asked)), workers=workers, tell=tell)
+    except TooFewObserversError as error:
+        return None, str(error).replace("max_observers", "limits.spacecraft"), error.needed
     except MissionError as error:
-        return None, str(error)
+        return None, str(error), 0
     if study.interrupted:  # what was found so far proves nothing; candidates' flights are kept for the next time
         raise KeyboardInterrupt
     proven = "proven the fewest" if study.exact.status == "optimal" else f"at least {study.exact.bound:g} are needed"
-    return study, proven
+    return study, proven, 0
 
 
 def verify(
@@ -571,16 +579,21 @@ def _delivered_h(asked: Requirement, delivery: Delivery, end_s: float) -> tuple[
 
 
 def _forbidden(
-    asked: Requirement, scenario: Scenario, seen: Encounter, tried: Sequence[Tried], near: Sequence[tuple[str, Check]]
+    asked: Requirement,
+    scenario: Scenario,
+    seen: Encounter,
+    tried: Sequence[Tried],
+    near: Sequence[tuple[str, Check, Tried]],
 ) -> tuple[str, tuple[dict[str, float], ...]]:
     """Why nothing meets a requirement, in words, and ways to change it with which a spacecraft can be built."""
     if built := [one for one in tried if one.mass_kg is not None]:
         what = f"{len(built)} kinds of spacecraft can be built, but no swarm of any of them meets it"
-        words = f"{what}; {built[0].kind}: {built[0].words}"
         if not near:
-            return words, ()
-        key, missed = min(near, key=lambda pair: abs(pair[1].reached / pair[1].asked - 1.0))
-        return f"{words}; it takes {key} = {missed.reached:.4g}, as flown", ({key: missed.reached},)
+            return f"{what}; {built[0].kind}: {built[0].words}", ()
+        key, missed, one = min(near, key=lambda found: abs(found[1].reached / found[1].asked - 1.0))
+        how = "as designed" if key == "limits.spacecraft" else "as flown"
+        words = f"{what}; {one.kind}: {one.words}; it takes {key} = {missed.reached:.4g}, {how}"
+        return words, ({key: missed.reached},)
     causes = sorted({one.words.partition(":")[0] for one in tried})
     nearest = min(tried, key=lambda one: (ORDER.index(one.words.partition(":")[0]), one.short))
     ways = _relaxations(asked, scenario, seen)

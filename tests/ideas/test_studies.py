@@ -17,6 +17,7 @@ from swarm_mj.designer.study import Verified
 from swarm_mj.errors import OutputError, ScenarioError
 from swarm_mj.ideas import chain
 from swarm_mj.ideas.chain import run_study
+from swarm_mj.ideas.components import DETECTORS
 from swarm_mj.ideas.knowledge import KnowledgeBase, differences, identity
 from swarm_mj.ideas.requirement import load_requirement
 from swarm_mj.ideas.sensitivity import sobol_indices
@@ -248,6 +249,16 @@ def test_a_link_that_is_too_slow_in_flight_is_sized_anew(bare):
     known = chain.Known(fast.requirement, fast.spacecraft.name, {}, swarm)
     again = run_study(fast.requirement, known=known)
     assert (again.design, again.spacecraft.link) == (None, fast.spacecraft.link) and again.taken
+
+
+def test_too_few_spacecraft_are_told_with_how_many_are_needed(bare, monkeypatch):
+    monkeypatch.setattr("swarm_mj.ideas.spacecraft.DETECTORS", DETECTORS[:1])
+    limits = {"units": [6], "altitudes_m": [500], "spacecraft": 1}
+    asked = load_requirement({**CASE, "share_percent": 99.9, "resolution_m": 0.25, "limits": limits})
+    found = run_study(asked)
+    assert not found.closed and found.relaxed == ({"limits.spacecraft": 2},)
+    assert "limits.spacecraft = 1 is too small" in found.forbids and found.forbids.endswith("= 2, as designed")
+    assert run_study(asked.eased(found.relaxed[0])).observers == 2
 
 
 CORRECTED = {
