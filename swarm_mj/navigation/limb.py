@@ -51,6 +51,8 @@ HALF_WIDTH = 1.8
 LEAST_COSINE = 0.3
 #: Error of an edge besides noise, 1 sigma [px]: a Gaussian in place of pixels, light that does not vary as a plane.
 EDGE_FLOOR = 0.01
+#: Of the error of a predicted picture's edges in a pixel, what is left of it in an edge along a ray, which passes several.
+EDGE_SHARE = 0.6
 #: An edge is left out if it lies so many deviations, estimated robustly, from the others.
 OUTLIER = 4.0
 #: Rounds of an edge's fit.
@@ -403,7 +405,7 @@ def horizon_position(sights_C: Array, ellipsoid_C: Array, sigma_rad: Array | flo
 
 
 def measure_horizon(
-    seen: SeenPicture, predictor: Predictor, semi_axes: Array, *, edge_px: float = EDGE_FLOOR
+    seen: SeenPicture, predictor: Predictor, semi_axes: Array, *, edge_px: float | None = None
 ) -> Fix | Rejected:
     """Measure the position by the horizon of an ellipsoid.
 
@@ -411,8 +413,10 @@ def measure_horizon(
         seen: The picture.
         predictor: Predicts it.
         semi_axes: Of the ellipsoid along the axes of A [m], shape (3,).
-        edge_px: Error of an edge besides noise, 1 sigma [px].
+        edge_px: Error of an edge besides noise, 1 sigma [px]; None: what is known of it.
     """
+    if edge_px is None:
+        edge_px = float(np.hypot(EDGE_FLOOR, EDGE_SHARE * seen.edge_px))
     signal = without_hot_pixels(seen)
     region = find_region(signal, seen.background, seen.psf_px)
     if region is None:
