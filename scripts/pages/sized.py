@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from scripts.pages import RESULTS
-from swarm_mj.ideas.components import DETECTORS, SIZES
+from swarm_mj.ideas.components import DETECTORS, PANEL_DRIVE, SIZES
 from swarm_mj.ideas.requirement import Requirement
 from swarm_mj.ideas.spacecraft import Encounter, Refusal, Spacecraft, payload_for, size_spacecraft
 from swarm_mj.io.atomic import write_text
@@ -109,7 +109,11 @@ BUILT = (
             "resolution_m": 6000,
             "delta_v_m_s": 203,
             "contact_h": 2,
-            "instruments": {"mass_kg": 1.3, "volume_u": 3.0, "power_w": 3.0},
+            "instruments": {
+                "mass_kg": 1.3 + PANEL_DRIVE.mass_kg,
+                "volume_u": 3.0,
+                "power_w": 3.0 + PANEL_DRIVE.power_w,
+            },
             "limits": {"units": [12], "spacecraft_kg": 24, "propulsion": ["ASCENT monopropellant"]},
         },
         6.0e7,
@@ -119,9 +123,10 @@ BUILT = (
         20.0,
         None,
         "eoPortal (some 20 kg); Nett, TU Delft (203 m/s; thrusters of 5.56 kg full, a second set of 0.82 kg)",
-        "Its camera for flashes on the night side, some 1.3 kg and 3 U with its baffle, is asked for as an instrument. "
-        "Thrusters of two kinds, 6.4 kg full where the designer's one kind weighs 5.5 kg, and gimballed panels are not asked "
-        "for. 28 kg are planned by now.",
+        "Its camera for flashes on the night side, some 1.3 kg and 3 U with its baffle, and the drive of its panels, which face the "
+        "Sun while it watches the Moon all day, are asked for as instruments: the designer knows passages of hours alone. "
+        "Thrusters of two kinds, 6.4 kg full where the designer's one kind weighs 5.5 kg, are not asked for. 28 kg are planned by "
+        "now.",
     ),
     Built(
         "M-Argo",
