@@ -123,10 +123,10 @@ BUILT = (
         20.0,
         None,
         "eoPortal (some 20 kg); Nett, TU Delft (203 m/s; thrusters of 5.56 kg full, a second set of 0.82 kg)",
-        "Its camera for flashes on the night side, some 1.3 kg and 3 U with its baffle, and the drive of its panels, which face the "
-        "Sun while it watches the Moon all day, are asked for as instruments: the designer knows passages of hours alone. "
-        "Thrusters of two kinds, 6.4 kg full where the designer's one kind weighs 5.5 kg, are not asked for. 28 kg are planned by "
-        "now.",
+        "Its camera for flashes on the night side, some 1.3 kg and 3 U with its baffle, and the drive of its panels, that face "
+        "the Sun while it watches the Moon all day, are asked for as instruments: the designer knows passages of hours alone. "
+        "Thrusters of two kinds, 6.4 kg full where the designer's one kind weighs 5.5 kg, are not asked for. 28 kg are planned "
+        "by now.",
     ),
     Built(
         "M-Argo",
