@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil
+from math import ceil, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -111,9 +111,11 @@ class PictureMaker:
             return shown
         instants = min(ceil(blur / BETWEEN_PX), MOST_INSTANTS)
         total = np.zeros_like(shown)
+        # Those of several instants fall on other places: fewer of each do.
+        few = max(FEWEST, ceil(fewest / sqrt(instants)))
         for k in range(instants):
             pose = moved(picture.pose, picture.motion, exposure_s * ((k + 0.5) / instants - 0.5))
-            total += self._drawn(pose, picture.sun_A, fewest)
+            total += self._drawn(pose, picture.sun_A, few)
         return total / np.float32(instants)
 
     def _drawn(self, pose: CameraPose, sun_A: Array, fewest: int) -> Array32:
