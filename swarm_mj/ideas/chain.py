@@ -271,10 +271,9 @@ def run_study(
     begun, tell = time.perf_counter(), say or (lambda words: None)
     scenario, seen = encounter_of(asked)
     tell(f"{seen.area_m2 / 1e6:.4g} km^2 are passed at {seen.speed:,.3g} m/s, {seen.earth_m / AU:.2f} au away")
-    given, asked = (
-        asked,
-        asked if asked.delta_v_m_s is not None else asked.with_value("delta_v_m_s", seen.corrections_m_s),
-    )
+    given = asked
+    if given.delta_v_m_s is None:
+        asked = given.with_value("delta_v_m_s", seen.corrections_m_s)
     options = list(spacecraft_options(asked, scenario, seen))
     refused = [
         Tried(kind_of(size, altitude, detector), None, None, None, f"{found.cause}: {found.words}", found.short)
@@ -282,7 +281,7 @@ def run_study(
         if isinstance(found, Refusal)
     ]
     built = [found for *_, found in options if isinstance(found, Spacecraft)]
-    search = _Search(asked, given.delta_v_m_s is None, seen, known, campaign, workers, tell)
+    search = _Search(asked, given, seen, known, campaign, workers, tell)
     built.sort(key=lambda one: (least_swarm_kg(asked, seen, one), one.mass_kg))
     search.begin(built)
     for rank, one in enumerate(built):
@@ -340,7 +339,7 @@ class _Search:
     def __init__(
         self,
         asked: Requirement,
-        more_gas: bool,
+        given: Requirement,
         seen: Encounter,
         known: Known | None,
         campaign: Campaign | None,
@@ -348,7 +347,7 @@ class _Search:
         tell: Said,
     ) -> None:
         #: Whether thrusters may be sized for more than is asked, where corrections take it.
-        self.more_gas = more_gas
+        self.more_gas = given.delta_v_m_s is None
         self.asked, self.seen, self.known, self.campaign, self.tell = asked, seen, known, campaign, tell
         self.workers = workers
         self.tried: list[Tried] = []
@@ -360,7 +359,7 @@ class _Search:
         # cells lack some, finer ones may show more.
         self.harder = (
             known is not None
-            and known.requirement.no_harder_to_see(asked)
+            and known.requirement.no_harder_to_see(given)
             and seen.cell_m2 >= seen.min_pixels * known.requirement.resolution_m**2
         )
 
@@ -534,10 +533,8 @@ def verify(
         at_least("signal to noise", asked.min_snr, one.payload.snr, "", "at incidence 45, emission 30, phase 60 deg"),
     ]
     if result.delivery is None:
-        hours, words = (
-            one.send_h,
-            f"as sized: the way to Earth of more than {MOST_SPACECRAFT} spacecraft is not computed",
-        )
+        hours = one.send_h
+        words = f"as sized: the way to Earth of more than {MOST_SPACECRAFT} spacecraft is not computed"
     else:
         hours, words = _delivered_h(asked, result.delivery, scenario.duration_s)
     checks.append(at_most(ON_EARTH, asked.deliver_within_h, hours, "h", words, "flight"))

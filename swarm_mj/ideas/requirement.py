@@ -201,10 +201,11 @@ class Requirement(Section):
             for key, value in self.changes.items()
             for inner in (value if isinstance(value, dict) else [""])
         ]
+        set_by = SET_BY if self.network is None else {**SET_BY, "link.ground.network": "network"}
         for key in given:
             if key.split(".")[0] in ("camera", "spacecraft"):
                 raise ValueError(f"changes: {key}: is what is sized; must be a key of another section")
-            if own := next((own for name, own in SET_BY.items() if (key + ".").startswith(name + ".")), None):
+            if own := next((own for name, own in set_by.items() if (key + ".").startswith(name + ".")), None):
                 raise ValueError(f"changes: {key}: follows from {own} of the requirement; must be given there")
         return self
 

@@ -35,7 +35,8 @@ def optical_summary(plan: Plan, telemetry: xr.Dataset) -> Row:
     aim_deg = np.degrees(_across(off[at], telemetry["r_BN_N"].values[at]) / distance)
     P = position_covariance(telemetry)
     sigma = np.sqrt(np.linalg.eigvalsh(P)[..., -1])
-    nees = np.einsum("jk,jk->j", off[at], np.linalg.solve(P[at], off[at][..., None])[..., 0])
+    # What is kept of correlations may be rounded to one.
+    nees = np.einsum("jk,jkl,jl->j", off[at], np.linalg.pinv(P[at], hermitian=True), off[at])
     dof = sum(one["dof"] for one in used)
     found = {
         "used": dict(Counter(one["kind"] for one in used)),

@@ -295,6 +295,10 @@ def test_every_kind_of_thrusters_can_be_flown(propulsion):
         ({"sobol": 12}, "sobol"),
         ({"quality": "pretty"}, "quality"),
         ({"resolution_m": -1}, "resolution_m"),
+        (
+            {"network": "dsn", "changes": {"link.ground.network": "estrack"}},
+            r"link.ground.network: follows from network of the requirement",
+        ),
         ({"changes": {"camera.half_angle_deg": 3}}, "camera.half_angle_deg"),
     ],
 )

@@ -295,6 +295,12 @@ def test_thrusters_are_sized_for_what_corrections_take(bare, tmp_path, monkeypat
     monkeypatch.setattr(chain, "_corrections_m_s", half_at_first)
     again = run_study(load_requirement(asked))
     assert again.closed and again.spacecraft.propellant_kg == pytest.approx(found.record["spacecraft"]["propellant_kg"])
+    # What is proven of an easier study bounds it, whatever the thrusters came to.
+    swarm = {key: getattr(again.scenario.design, key) for key in ("visiting_points", "observers")}
+    known = chain.Known(load_requirement({**asked, "resolution_m": 1.1}), again.spacecraft.name, {}, swarm)
+    seen = chain.encounter_of(again.requirement)[1]
+    resolved = again.requirement.with_value("delta_v_m_s", seen.corrections_m_s)
+    assert chain._Search(resolved, again.requirement, seen, known, None, 1, print).harder
     # A velocity that is asked for is not raised.
     calls.clear()
     tight = run_study(load_requirement({**asked, "delta_v_m_s": 0.5 * sized["reached"]}))
