@@ -26,10 +26,10 @@ MARGIN_SIGMAS, MARGIN_PX = 5.0, 3
 #: A pixel so many sigmas of the background above it, the four beside which are as dark as the sky, is hot.
 HOT = 8.0
 #: Samples along a pixel of predicted pictures, and of those that are taken and held against them, at least.
-FEWEST_SAMPLES, TAKEN_SAMPLES = 4, 8
+FEWEST_SAMPLES, TAKEN_SAMPLES = 4, 6
 #: Chosen so that the errors of limbs of 100 to 400 pixels, whose pictures have the fewest samples, are those that are said, in
 #: the mean of a sphere, Eros, Bennu and a dumb-bell.
-AVERAGED = 0.6
+AVERAGED = 0.2
 
 
 def edge_error(diameter_px: float) -> float:

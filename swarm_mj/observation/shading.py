@@ -8,6 +8,8 @@ A picture is a map of radiance factors I/F (see `photometry`), averaged over the
 3. For each sample the point where its line of sight meets the plane of its face, in double precision, and whether it lies in
    shadow.
 4. The radiance factor there, linear between those at the corners of the face.
+5. Between two samples that an edge of the mesh parts, their areas as the edge parts them: along rows where it is steep, along
+   columns where it is flat. What samples leave then is left at shadows alone. Not where the lens bends.
 
 Faces are flat and as bright as their law says at their own incidence and emission. The Sun is a point: what its disc would
 soften is less than a pixel wherever a shadow is cast from less than a hundred pixels away. Faces send no light to each other.
@@ -15,14 +17,14 @@ soften is less than a pixel wherever a shadow is cast from less than a hundred p
 
 from __future__ import annotations
 
-from math import sqrt
-from typing import NamedTuple
+from math import ceil, floor, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from swarm_mj.compilation import allocation_free, kernel
+from swarm_mj.compilation import allocation_free, jittable, kernel
 from swarm_mj.observation.camera import CameraPose
 from swarm_mj.observation.lens import Lens
 from swarm_mj.observation.photometry import Surface, radiance_factor
@@ -31,7 +33,7 @@ from swarm_mj.observation.shadows import SunMap, draw_from_sun, find_clear, fram
 from swarm_mj.typing import Array, Array32, Ints32, Mask
 
 #: Samples along a side of the grid that is drawn at once.
-GRID = 1024
+GRID = 1040
 #: Fewest and most samples along a pixel.
 FEWEST, MOST = 2, 64
 #: Samples along a pixel for labels where the lens bends.
@@ -101,6 +103,8 @@ class ShadedBody:
         self._canvas = make_canvas(GRID, len(vertices), len(faces))
         self._sun = make_sun_map(make_canvas(SUN_GRID, len(vertices), len(faces)))
         self._planes = np.empty((len(faces), 12))
+        self._edges = _edges_of(self._mesh.faces)
+        self._outermost = np.zeros((2, GRID**2), np.float32)
         self._seen, self._clear = np.zeros((2, len(faces)), np.bool_)
         self.move(vertices)
 
@@ -131,14 +135,15 @@ class ShadedBody:
         if not (size > 0).all():
             return out
         along = samples or min(max(GRID // (int(size.max()) + 2), fewest), MOST)
-        # A bent tile may be wider than a straight one.
-        step = max(1, int((GRID // along) * (0.9 if lens.is_distorted else 1.0)) - (2 if lens.is_distorted else 0))
+        # A bent tile may be wider than a straight one; others are drawn with the pixels about them.
+        step = max(1, int((GRID // along) * (0.9 if lens.is_distorted else 1.0)) - 2)
         light = self._light(sun_A)
         for top in range(low[1], high[1], step):
             for left in range(low[0], high[0], step):
                 tile = left, top, min(left + step, high[0]), min(top + step, high[1])
                 self._draw_tile(lens, pose, light, tile, along, out)
-        return out
+        # Shares of several edges in one way may come to a little more than all.
+        return np.maximum(out, 0.0, out=out)
 
     def draw_spread(
         self, lens: Lens, pose: CameraPose, sun_A: Array, psf_px: float, *, fewest: int = FEWEST
@@ -252,15 +257,18 @@ class ShadedBody:
         along: int,
         *,
         shadows: bool = True,
+        margin: int = 0,
     ) -> tuple[View | None, Array]:
         """Draw the faces of a tile from the camera and, for shadows, those from the Sun that may shade them.
+
+        The first pixel of the tile is so many from the upper left corner of the grid as `margin` says, in both directions.
 
         Returns:
             The view, None where there is nothing; and where each pixel lies on the grid, shape (rows, columns, 6), see
             `_places`, or (0, 0, 6) where the lens bends nothing.
         """
         left, top, right, bottom = tile
-        places, corner = np.empty((0, 0, 6)), (np.array([left, top]) - lens.centre) / lens.focal_px
+        places, corner = np.empty((0, 0, 6)), (np.array([left, top]) - margin - lens.centre) / lens.focal_px
         if lens.is_distorted:
             places, corner = _places(lens, tile)
         scale = along * lens.focal_px  # samples at unit distance
@@ -286,11 +294,43 @@ class ShadedBody:
     def _draw_tile(
         self, lens: Lens, pose: CameraPose, light: _Light, tile: tuple[int, int, int, int], along: int, out: Array32
     ) -> None:
-        view, places = self._draw_grid(lens, pose, light, tile, along)
+        margin = 0 if lens.is_distorted else 1
+        view, places = self._draw_grid(lens, pose, light, tile, along, margin=margin)
         if view is None:
             return
         _prepare(self._mesh, view, self._canvas, light, self._seen, self._planes, True)
-        _shade(self._mesh, self._canvas, light, self._planes, self._clear, places, tile, along, out)
+        if lens.is_distorted:
+            _shade_bent(self._mesh, self._canvas, light, self._planes, self._clear, places, tile, along, out)
+        else:
+            _shade(self._mesh, self._canvas, light, self._planes, self._clear, tile, along, out)
+            _part_at_edges(
+                self._mesh,
+                self._edges,
+                self._outermost,
+                self._canvas,
+                light,
+                self._seen,
+                self._planes,
+                self._clear,
+                tile,
+                along,
+                out,
+            )
+
+
+def _edges_of(faces: Ints32) -> Ints32:
+    """Edges of a mesh, shape (e, 4): from a vertex to another, the face on the left seen from outside, and that on the right.
+
+    Where a mesh is open, or more than two faces meet, -1 stands for the face on the right.
+    """
+    start, stop = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    face, count = np.repeat(np.arange(len(faces)), 3), int(faces.max(initial=0)) + 1
+    there, back = start.astype(np.int64) * count + stop, stop.astype(np.int64) * count + start
+    order = np.argsort(there, kind="stable")
+    at = np.minimum(np.searchsorted(there[order], back), len(order) - 1)
+    right = np.where(there[order][at] == back, face[order][at], -1)
+    once = (start < stop) | (right < 0)
+    return np.column_stack((start, stop, face, right))[once].astype(np.int32)
 
 
 def _places(lens: Lens, tile: tuple[int, int, int, int]) -> tuple[Array, Array]:
@@ -384,8 +424,64 @@ def _prepare(mesh: Mesh, view: View, canvas: Canvas, light: _Light, seen: Mask, 
             planes[f, 1], planes[f, 2] = along, up
 
 
+@jittable
+def _value_at(mesh: Mesh, light: _Light, planes: Array, clear: Mask, number: Any, at: float, high: float) -> float:
+    """Radiance factor at a column and a row of the grid, with the face plus one, 0 for the sky."""
+    if number == 0:
+        return 0.0
+    f = np.uintp(number - 1)
+    value = planes[f, 0] + planes[f, 1] * at + planes[f, 2] * high
+    if value <= 0.0:
+        return 0.0
+    if clear[f]:
+        return float(value)
+    t = 1.0 / (planes[f, 3] + planes[f, 4] * at + planes[f, 5] * high)
+    u = t * (planes[f, 6] + planes[f, 7] * at + planes[f, 8] * high)
+    v = t * (planes[f, 9] + planes[f, 10] * at + planes[f, 11] * high)
+    return float(value) if is_lit(mesh, light.sun, f, u, v) else 0.0
+
+
 @allocation_free
 def _shade(
+    mesh: Mesh,
+    canvas: Canvas,
+    light: _Light,
+    planes: Array,
+    clear: Mask,
+    tile: tuple[int, int, int, int],
+    along: int,
+    out: Array32,
+) -> None:
+    """Mean radiance factor of each pixel of a tile, which begins a pixel from the corner of the grid."""
+    size, share, picture = canvas.row_span.shape[0], 1.0 / along**2, canvas.picture
+    for y in range(tile[1], tile[3]):
+        for x in range(tile[0], tile[2]):
+            total, left = 0.0, (x - tile[0] + 1) * along
+            for down in range(along):
+                row = size - 1 - ((y - tile[1] + 1) * along + down)
+                start, across = np.uintp(row * size + left), 0
+                while across < along:
+                    number, first = picture[start + np.uintp(across)], across
+                    if number == 0:
+                        across += 1
+                        continue
+                    f = np.uintp(number - 1)
+                    if not clear[f]:
+                        total += _value_at(mesh, light, planes, clear, number, left + across + 0.5, row + 0.5)
+                        across += 1
+                        continue
+                    # Brightness is linear on a face: the mean of samples side by side is that of their middle.
+                    across += 1
+                    while across < along and picture[start + np.uintp(across)] == number:
+                        across += 1
+                    at = left + 0.5 * (first + across)
+                    value = planes[f, 0] + planes[f, 1] * at + planes[f, 2] * (row + 0.5)
+                    total += (across - first) * max(value, 0.0)
+            out[y, x] = total * share
+
+
+@allocation_free
+def _shade_bent(
     mesh: Mesh,
     canvas: Canvas,
     light: _Light,
@@ -396,39 +492,129 @@ def _shade(
     along: int,
     out: Array32,
 ) -> None:
-    """Mean radiance factor of each pixel of a tile."""
-    size, bent, share = canvas.row_span.shape[0], places.shape[0] > 0, 1.0 / along**2
+    """The same where the lens bends: samples of a pixel are looked for on the grid."""
+    size, share = canvas.row_span.shape[0], 1.0 / along**2
     for y in range(tile[1], tile[3]):
         for x in range(tile[0], tile[2]):
-            total = 0.0
+            total, i, j = 0.0, y - tile[1], x - tile[0]
             for down in range(along):
                 for across in range(along):
-                    column = (x - tile[0]) * along + across
-                    row = size - 1 - ((y - tile[1]) * along + down)
-                    if bent:
-                        i, j = y - tile[1], x - tile[0]
-                        dx, dy = (across + 0.5) / along - 0.5, (down + 0.5) / along - 0.5
-                        column = int((places[i, j, 0] + places[i, j, 2] * dx + places[i, j, 3] * dy) * along)
-                        row = size - 1 - int((places[i, j, 1] + places[i, j, 4] * dx + places[i, j, 5] * dy) * along)
-                        if column < 0 or row < 0 or column >= size or row >= size:
-                            continue
+                    dx, dy = (across + 0.5) / along - 0.5, (down + 0.5) / along - 0.5
+                    column = int((places[i, j, 0] + places[i, j, 2] * dx + places[i, j, 3] * dy) * along)
+                    row = size - 1 - int((places[i, j, 1] + places[i, j, 4] * dx + places[i, j, 5] * dy) * along)
+                    if column < 0 or row < 0 or column >= size or row >= size:
+                        continue
                     number = canvas.picture[np.uintp(row * size + column)]
-                    if number == 0:
-                        continue
-                    f = np.uintp(number - 1)
-                    at, high = column + 0.5, row + 0.5
-                    value = planes[f, 0] + planes[f, 1] * at + planes[f, 2] * high
-                    if value <= 0.0:
-                        continue
-                    if clear[f]:
-                        total += value
-                        continue
-                    t = 1.0 / (planes[f, 3] + planes[f, 4] * at + planes[f, 5] * high)
-                    u = t * (planes[f, 6] + planes[f, 7] * at + planes[f, 8] * high)
-                    v = t * (planes[f, 9] + planes[f, 10] * at + planes[f, 11] * high)
-                    if is_lit(mesh, light.sun, f, u, v):
-                        total += value
+                    total += _value_at(mesh, light, planes, clear, number, column + 0.5, row + 0.5)
             out[y, x] = total * share
+
+
+@allocation_free
+def _part_at_edges(
+    mesh: Mesh,
+    edges: Ints32,
+    outermost: Array32,
+    canvas: Canvas,
+    light: _Light,
+    seen: Mask,
+    planes: Array,
+    clear: Mask,
+    tile: tuple[int, int, int, int],
+    along: int,
+    out: Array32,
+) -> None:
+    """Have samples that an edge of the mesh parts share the way between their centres as the edge divides it.
+
+    Along rows where it is steep, along columns where it is flat. Where the sky begins, that counts of the outlines on the way
+    which is the outermost. It is looked for first: `outermost` is scratch, 0 before and after, for how far out it is, along
+    rows and along columns, shape (2, size^2).
+    """
+    size, share, at, picture = canvas.row_span.shape[0], 1.0 / along**2, canvas.projected, canvas.picture
+    for turn in range(3):
+        for e in range(edges.shape[0]):
+            a, b, f, g = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
+            if at[a, 2] <= 0.0 or at[b, 2] <= 0.0:
+                continue
+            front, back = _is_front(mesh, at, f), g >= 0 and _is_front(mesh, at, g)
+            rim = front != back
+            if not (rim or (front and turn == 1)):
+                continue
+            flat = abs(at[b, 1] - at[a, 1]) < abs(at[b, 0] - at[a, 0])
+            for down in (False, True):
+                # Edges are written to both, but parted along one.
+                if turn == 1 and down != flat:
+                    continue
+                i, j = (1, 0) if down else (0, 1)
+                rise, run = at[b, j] - at[a, j], at[b, i] - at[a, i]
+                low, high = min(at[a, j], at[b, j]), max(at[a, j], at[b, j])
+                if rise == 0.0 or high < 0.0 or low > size or max(at[a, i], at[b, i]) < 0.0:
+                    continue
+                # Face f is on the left of the way from a to b: whether that is the side of smaller numbers.
+                first_f = (rise > 0.0) != down
+                one, other = (f + 1, g + 1) if first_f else (g + 1, f + 1)
+                sees_one = front if first_f else back
+                for line in range(max(int(ceil(low - 0.5)), 0), min(int(ceil(high - 0.5)), size)):
+                    place = at[a, i] + (line + 0.5 - at[a, j]) * (run / rise)
+                    k = int(floor(place - 0.5))
+                    if k < 0 or k + 1 >= size:
+                        continue
+                    before = np.uintp(k * size + line if down else line * size + k)
+                    p, q = picture[before], picture[before + np.uintp(size if down else 1)]
+                    off = place - (k + 1)
+                    if p == q:
+                        continue
+                    gained, mid = 0.0, line + 0.5
+                    if rim:
+                        # Of what bounds the body there: a face on which a sample may fall or not, as the edge lies.
+                        if (p == 0) == (q == 0) or (q == 0) != sees_one:
+                            continue
+                        side = 1.0 if sees_one else -1.0
+                        outward = np.float32(1.0 + side * off)
+                        if turn == 0:
+                            outermost[j, before] = max(outermost[j, before], outward)
+                        if turn == 2:
+                            outermost[j, before] = np.float32(0.0)
+                        if turn != 1 or outward != outermost[j, before]:
+                            continue
+                        number = f + 1 if front else g + 1
+                        number = number if seen[number - 1] else np.int64(max(p, q))
+                        where = place - 0.5 * side
+                        gained = side * _value_at(
+                            mesh, light, planes, clear, number, mid if down else where, where if down else mid
+                        )
+                    elif p == one and q == other:
+                        # Of faces narrower than the way between samples those alone would be parted on which a sample falls.
+                        narrow = min(
+                            _reach(mesh, at, one - 1, a, b, i, j, mid, place),
+                            _reach(mesh, at, other - 1, a, b, i, j, mid, place),
+                        )
+                        if narrow < 1.0:
+                            continue
+                        gained = _value_at(mesh, light, planes, clear, p, mid if down else place, place if down else mid)
+                        gained -= _value_at(mesh, light, planes, clear, q, mid if down else place, place if down else mid)
+                    own = k if off < 0.0 else k + 1
+                    column, row = (line, own) if down else (own, line)
+                    x, y = column // along - 1 + tile[0], (size - 1 - row) // along - 1 + tile[1]
+                    if x < tile[0] or y < tile[1] or x >= tile[2] or y >= tile[3]:
+                        continue
+                    out[y, x] += off * gained * share
+
+
+@jittable
+def _reach(mesh: Mesh, at: Array, f: int, a: int, b: int, i: int, j: int, line: float, place: float) -> float:
+    """How far face f reaches from the place of its edge between two vertices, along a line of the grid."""
+    c = mesh.faces[f, 0] + mesh.faces[f, 1] + mesh.faces[f, 2] - a - b
+    d = a if (at[a, j] > line) != (at[c, j] > line) else b
+    rise = at[c, j] - at[d, j]
+    return abs(at[d, i] + (line - at[d, j]) * ((at[c, i] - at[d, i]) / rise) - place) if rise != 0.0 else 0.0
+
+
+@jittable
+def _is_front(mesh: Mesh, at: Array, f: int) -> bool:
+    """Whether a face turns its outer side to the camera."""
+    a, b, c = mesh.faces[f, 0], mesh.faces[f, 1], mesh.faces[f, 2]
+    area = (at[b, 0] - at[a, 0]) * (at[c, 1] - at[a, 1]) - (at[b, 1] - at[a, 1]) * (at[c, 0] - at[a, 0])
+    return bool(at[c, 2] > 0.0 and area > 0.0)
 
 
 @allocation_free
