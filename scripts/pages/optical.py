@@ -26,9 +26,9 @@ from swarm_mj.flight.environment import load_body_shape
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.machine import usable_cores
 from swarm_mj.navigation.centroid import measure_centroid
-from swarm_mj.navigation.landmarks import measure_landmarks
-from swarm_mj.navigation.limb import measure_horizon, measure_limb
-from swarm_mj.navigation.picture import TAKEN_SAMPLES, Fix, Predictor, Rejected, SeenPicture
+from swarm_mj.navigation.landmarks import FLOOR, measure_landmarks
+from swarm_mj.navigation.limb import EDGE_FLOOR, measure_horizon, measure_limb
+from swarm_mj.navigation.picture import FEWEST_SAMPLES, TAKEN_SAMPLES, Fix, Predictor, Rejected, SeenPicture
 from swarm_mj.observation.camera import CameraModel, CameraPose, look_at
 from swarm_mj.observation.detector import DetectorModel
 from swarm_mj.observation.lens import lens_of
@@ -107,8 +107,8 @@ Written by `python -m scripts.pages.optical --pictures {count}`. How it works: [
 ## Measurements
 
 {count} pictures a row, of 512 x 512 pixels and 20 deg, by the detector `cubesat`, at phases of 0 to 120 deg, from believed
-positions that err by 0.1 % of the distance in each component. Pictures have 8 samples along a pixel at least, as in
-flights, the predictions they are held against 4. Attitudes are exact. The model is the body itself: what a shape, an albedo
+positions that err by 0.1 % of the distance in each component. Pictures have {taken} samples along a pixel at least, as
+in flights, the predictions they are held against {predicted}. Attitudes are exact. The model is the body itself: what a shape, an albedo
 or a law that is not quite the body's adds is `centroid_model`, `limb_model_px` and `landmark_model_px` of flights, and zero
 here. *Diameter* is that of the sphere about the body. *chi-square* is the sum of the squared errors over the covariances
 that measurements say, a component; in brackets where 95 % of right ones lie. Above it, measurements promise too much;
@@ -118,9 +118,10 @@ below, too little. *Worst picture* is that of a single one.
 |---|---|---|---|---|---|---|---|---|---|
 {table}
 
-Rows outside the brackets: the error by samples of the prediction, which limbs and landmarks allow for besides noise, is one
-number for a size of the body on the picture, whatever its shape and light; it was chosen so that limbs of 100 to 400 pixels
-come out right in the mean of the four bodies. Landmarks count with an error of their own of 0.02 px besides.
+What pictures err by as they are drawn is small beside noise, since samples that an edge of the mesh parts share their areas as
+the edge divides them; shadows have none of that. Limbs allow for what is left by one number for a size of the body on the
+picture, whatever its shape and light, chosen so that limbs of 100 to 400 pixels come out right in the mean of the four bodies;
+landmarks by an error of their own of {floor} px, horizons by {edge} px and more where they curve, chosen likewise.
 
 ## Flights
 
@@ -374,7 +375,17 @@ def main() -> None:
     table, flown = measurements(count), flights()
     write_text(
         PAGE,
-        PAGE_TEXT.format(count=count, speed=speed, mitsuba=mitsuba, table="\n".join(table), flown="\n".join(flown)),
+        PAGE_TEXT.format(
+            count=f"{count:,}",
+            taken=TAKEN_SAMPLES,
+            predicted=FEWEST_SAMPLES,
+            floor=FLOOR,
+            edge=EDGE_FLOOR,
+            speed=speed,
+            mitsuba=mitsuba,
+            table="\n".join(table),
+            flown="\n".join(flown),
+        ),
     )
     print(f"wrote {PAGE}")
 

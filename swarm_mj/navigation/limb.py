@@ -49,8 +49,9 @@ REACH = 5
 HALF_WIDTH = 1.8
 #: Least cosine between an edge's normal and its ray.
 LEAST_COSINE = 0.3
-#: Error of an edge besides noise, 1 sigma [px]: a Gaussian in place of pixels, light that does not vary as a plane.
-EDGE_FLOOR = 0.01
+#: Error of an edge besides noise, 1 sigma [px]: a Gaussian in place of pixels, light that does not vary as a plane; and what
+#: comes to it over the diameter on the picture [px^2], since the more it curves, the less so.
+EDGE_FLOOR, EDGE_CURVED = 0.003, 0.35
 #: Of the error of a predicted picture's edges in a pixel, what is left of it in an edge along a ray, which passes several.
 EDGE_SHARE = 0.6
 #: An edge is left out if it lies so many deviations, estimated robustly, from the others.
@@ -416,7 +417,8 @@ def measure_horizon(
         edge_px: Error of an edge besides noise, 1 sigma [px]; None: what is known of it.
     """
     if edge_px is None:
-        edge_px = float(np.hypot(EDGE_FLOOR, EDGE_SHARE * seen.edge_px))
+        floor = EDGE_FLOOR + EDGE_CURVED / predictor.diameter_px(seen)
+        edge_px = float(np.hypot(floor, EDGE_SHARE * seen.edge_px))
     signal = without_hot_pixels(seen)
     region = find_region(signal, seen.background, seen.psf_px)
     if region is None:

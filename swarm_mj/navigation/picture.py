@@ -25,21 +25,23 @@ DETECTED = 5.0
 MARGIN_SIGMAS, MARGIN_PX = 5.0, 3
 #: A pixel so many sigmas of the background above it, the four beside which are as dark as the sky, is hot.
 HOT = 8.0
-#: Samples along a pixel of predicted pictures, and of those that are taken and held against them, at least.
+#: Samples along a pixel of predicted pictures, and of those that are taken and held against them, at least: on other places,
+#: lest the errors of both are the same.
 FEWEST_SAMPLES, TAKEN_SAMPLES = 4, 6
-#: Chosen so that the errors of limbs of 100 to 400 pixels, whose pictures have the fewest samples, are those that are said, in
-#: the mean of a sphere, Eros, Bennu and a dumb-bell.
-AVERAGED = 0.2
+#: What is left of an edge's error by samples, where pixels that the mesh parts are drawn as it parts them, and where the lens
+#: bends and they are not: chosen so that the errors of limbs are those that are said, in the mean of a sphere, Eros, Bennu and a
+#: dumb-bell of 100 to 400 pixels.
+PARTED, BENT = 0.12, 0.6
 
 
-def edge_error(diameter_px: float) -> float:
-    """Error by which the edge of a predicted picture lies off in a pixel, 1 sigma [px].
+def edge_error(diameter_px: float, *, bent: bool = False) -> float:
+    """Error by which the edge of a predicted picture lies off in a pixel, 1 sigma [px]; `bent`: where the lens does.
 
-    Of k samples along a pixel those k that an edge passes are off by up to half their distance each, and less on the picture
-    that is taken; the lens takes the mean of some pixels, by which `AVERAGED` of that is left.
+    Of k samples along a pixel those k that an edge passes are off by up to half their distance each, on the picture that is
+    taken as well; the lens takes the mean of some pixels. Of that a share is left.
     """
     k = min(max(GRID / (diameter_px + 2.0), FEWEST_SAMPLES), MOST)
-    return float(AVERAGED * np.sqrt(2.0 * k / 12.0) / k**2)
+    return float((BENT if bent else PARTED) * np.sqrt(2.0 * k / 12.0) / k**2)
 
 
 class Fix(NamedTuple):
@@ -121,7 +123,7 @@ class SeenPicture:
             saturated=exposed.saturated,
             lens=lens,
             psf_px=psf_px,
-            edge_px=edge_error(diameter_px),
+            edge_px=edge_error(diameter_px, bent=lens.is_distorted),
             pose=pose,
             sun_A=np.asarray(sun_A, np.float64),
         )

@@ -578,9 +578,9 @@ def _part_at_edges(
                             continue
                         number = f + 1 if front else g + 1
                         number = number if seen[number - 1] else np.int64(max(p, q))
-                        where = place - 0.5 * side
+                        inside = place - 0.5 * side
                         gained = side * _value_at(
-                            mesh, light, planes, clear, number, mid if down else where, where if down else mid
+                            mesh, light, planes, clear, number, mid if down else inside, inside if down else mid
                         )
                     elif p == one and q == other:
                         # Of faces narrower than the way between samples those alone would be parted on which a sample falls.
