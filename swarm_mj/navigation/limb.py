@@ -61,7 +61,7 @@ EDGE_ROUNDS = 6
 #: Rounds of prediction for the horizon of an ellipsoid.
 HORIZON_ROUNDS = 3
 #: By how much pictures are blurred before they are matched [px], and how many rounds each.
-BLURS = ((6.0, 4), (2.0, 4), (0.0, 8))
+BLURS = ((6.0, 4), (2.0, 4), (0.0, 16))
 #: A fit has settled when its last step, squared over its covariance, is as small.
 SETTLED = 0.02
 #: Half the width of the band of pixels that are fitted [px].

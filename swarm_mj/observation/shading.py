@@ -590,8 +590,12 @@ def _part_at_edges(
                         )
                         if narrow < 1.0:
                             continue
-                        gained = _value_at(mesh, light, planes, clear, p, mid if down else place, place if down else mid)
-                        gained -= _value_at(mesh, light, planes, clear, q, mid if down else place, place if down else mid)
+                        gained = _value_at(
+                            mesh, light, planes, clear, p, mid if down else place, place if down else mid
+                        )
+                        gained -= _value_at(
+                            mesh, light, planes, clear, q, mid if down else place, place if down else mid
+                        )
                     own = k if off < 0.0 else k + 1
                     column, row = (line, own) if down else (own, line)
                     x, y = column // along - 1 + tile[0], (size - 1 - row) // along - 1 + tile[1]
