@@ -107,10 +107,10 @@ Written by `python -m scripts.pages.optical --pictures {count}`. How it works: [
 ## Measurements
 
 {count} pictures a row, of 512 x 512 pixels and 20 deg, by the detector `cubesat`, at phases of 0 to 120 deg, from believed
-positions that err by 0.1 % of the distance in each component. Pictures have {taken} samples along a pixel at least, as
-in flights, the predictions they are held against {predicted}. Attitudes are exact. The model is the body itself: what a shape, an albedo
-or a law that is not quite the body's adds is `centroid_model`, `limb_model_px` and `landmark_model_px` of flights, and zero
-here. *Diameter* is that of the sphere about the body. *chi-square* is the sum of the squared errors over the covariances
+positions that err by 0.1 % of the distance in each component. Pictures have {taken} samples along a pixel at least, as in
+flights, the predictions they are held against {predicted}. Attitudes are exact. The model is the body itself: what a shape, an
+albedo or a law that is not quite the body's adds is `centroid_model`, `limb_model_px` and `landmark_model_px` of flights, and
+zero here. *Diameter* is that of the sphere about the body. *chi-square* is the sum of the squared errors over the covariances
 that measurements say, a component; in brackets where 95 % of right ones lie. Above it, measurements promise too much;
 below, too little. *Worst picture* is that of a single one.
 

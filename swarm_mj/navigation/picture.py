@@ -29,7 +29,7 @@ HOT = 8.0
 #: lest the errors of both are the same.
 FEWEST_SAMPLES, TAKEN_SAMPLES = 4, 6
 #: What is left of an edge's error by samples, where pixels that the mesh parts are drawn as it parts them, and where the lens
-#: bends and they are not: chosen so that the errors of limbs are those that are said, in the mean of a sphere, Eros, Bennu and a
+#: bends and they are not: chosen so that errors of limbs are those that are said, in the mean of a sphere, Eros, Bennu and a
 #: dumb-bell of 100 to 400 pixels.
 PARTED, BENT = 0.12, 0.6
 
