@@ -2,82 +2,18 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.stats import chi2
 
-from swarm_mj.navigation.filter import OWN, FilterNoise, SwarmFilter
+from scripts.pages.filter_flights import CASES, GM, R0, SIGMA, SPIN, V0, begun, flight, flown, pull
+from swarm_mj.navigation.filter import FilterNoise, SwarmFilter
 from swarm_mj.navigation.picture import Fix
-
-GM = 4.46e5
-SPIN = np.array([0.0, 0.0, 3.3e-4])
-R0 = np.array([[-30e3, 8e3, 0.0], [-30e3, -9e3, 2e3]])
-V0 = np.array([[40.0, 3.0, 0.0], [42.0, -2.0, 1.0]])
-SIGMA = np.repeat((300.0, 0.3), 3)
+from swarm_mj.spacecraft.attitude.mrp import cross_matrix
 
 
-def pull(t, r):
-    return -GM * r / np.linalg.norm(r, axis=1, keepdims=True) ** 3
-
-
-def flown(r, v, t, gm=1.0):
-    """States after a time without noise, by another integrator."""
-
-    def rate(_, y):
-        return np.concatenate((y[r.size :], gm * pull(0.0, y[: r.size].reshape(r.shape)).ravel()))
-
-    y = solve_ivp(rate, (0.0, t), np.concatenate((r.ravel(), v.ravel())), rtol=1e-10, atol=1e-6).y[:, -1]
-    return y[: r.size].reshape(r.shape), y[r.size :].reshape(r.shape)
-
-
-def begun(noise, n=2):
-    return SwarmFilter(pull, GM, SPIN, noise, 0.0, R0[:n], V0[:n], np.tile(np.diag(SIGMA**2), (n, 1, 1)))
-
-
-def crossed(v):
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-
-
-def flight(rng, noise, ranges, steps=8, dt=120.0):
-    """Errors of a flight's estimates at its end over what the filter says of them, and of its innovations."""
-    each = begun(noise)
-    start = SIGMA * rng.normal(size=(2, 6))
-    r, v = R0 + start[:, :3], V0 + start[:, 3:]
-    mount, gm = noise.mount * rng.normal(size=(2, 3)), 1.0 + noise.gm * rng.normal()
-    turned, nis, dof = noise.rotation * rng.normal(size=3), 0.0, 0
-    for k in range(steps):
-        for _ in range(4):
-            r, v = flown(r, v, dt / 4, gm)
-            v = v + noise.acceleration * np.sqrt(dt / 4) * rng.normal(size=v.shape)
-        each.advance((k + 1) * dt)
-        for j in range(2):
-            believed = each.r_N[j]
-            R = np.diag([20.0**2, 20.0**2, 100.0**2])
-            turn = crossed(believed)
-            error = turn @ (noise.attitude * rng.normal(size=3) + mount[j]) + np.sqrt(np.diag(R)) * rng.normal(size=3)
-            seen = r[j] - np.cross(turned, r[j]) - believed + error
-            update = each.use_fix(j, Fix("limb", seen, np.eye(3), R, turn, 1), np.eye(3))
-            nis, dof = nis + update.nis, dof + update.dof
-        if ranges:
-            update = each.use_range(0, 1, float(np.linalg.norm(r[1] - r[0]) + rng.normal()), 1.0)
-            nis, dof = nis + update.nis, dof + 1
-    # Both together: what they share, as the body's turn, makes their errors alike.
-    error = np.concatenate((r - each.r_N, v - each.v_N), axis=1).ravel()
-    both = [OWN * j + k for j in range(2) for k in range(6)]
-    assert np.allclose(each.P[:6, :6], each.covariance(0))
-    return error @ np.linalg.solve(each.P[np.ix_(both, both)], error), nis, dof
-
-
-@pytest.mark.parametrize(
-    ("noise", "ranges"),
-    [
-        (FilterNoise(acceleration=1e-4), False),
-        (FilterNoise(acceleration=1e-4, attitude=1e-4, mount=1.5e-4, gm=0.05), True),
-        (FilterNoise(acceleration=1e-4, rotation=1e-3), True),
-    ],
-)
-def test_estimates_and_innovations_err_as_the_filter_says(noise, ranges):
+@pytest.mark.parametrize("case", CASES)
+def test_estimates_and_innovations_err_as_the_filter_says(case):
     rng = np.random.default_rng(0)
-    flights = [flight(rng, noise, ranges) for _ in range(14)]
+    flights = [flight(rng, *CASES[case]) for _ in range(14)]
     nees, nis, dof = (sum(column) for column in zip(*flights, strict=True))
     assert chi2.ppf(1e-4, 12 * 14) < nees < chi2.isf(1e-4, 12 * 14)
     assert chi2.ppf(1e-4, dof) < nis < chi2.isf(1e-4, dof)
@@ -170,7 +106,7 @@ def test_how_the_body_is_turned_otherwise_is_found_with_its_sign():
 
 def test_what_a_camera_is_turned_by_is_told_once():
     each, mount = known_place(FilterNoise(mount=1e-3)), 1e-3 * np.array([0.7, 0.2, -0.4])
-    turn = crossed(R0[0])
+    turn = cross_matrix(R0[0])
     across = np.eye(3) - np.outer(R0[0], R0[0]) / (R0[0] @ R0[0])
     for _ in range(3):
         assert each.use_fix(0, Fix("limb", turn @ mount, np.eye(3), np.eye(3), turn, 1), np.eye(3)).accepted
