@@ -88,6 +88,27 @@ def test_pixels_that_an_edge_parts_have_its_share_of_light(turn, most):
     assert off[-13] < most and off[-1] < 0.5 / 16
 
 
+def test_the_outermost_outline_bounds_the_body():
+    # A plate between two narrower ones nearer to the camera, whose edges lie a fifth of a sample within its own.
+    lens = lens_of(CameraModel(half_angle_deg=10.0, resolution_px=24))
+    square = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    near = lens.focal_px - 1.0
+    vertices = np.vstack(
+        [
+            square * [half * far / lens.focal_px, half * far / lens.focal_px, 0.0] + [0.0, 0.0, lens.focal_px - far]
+            for half, far in ((4.25, near), (4.3, lens.focal_px), (4.25, near - 1.0))
+        ]
+    )
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    body = ShadedBody(
+        vertices, np.vstack((faces, faces + 4, faces + 8)), surface_of(Photometry(law="lambert", albedo=1.0))
+    )
+    drawn = body.draw(lens, look_at([0.0, 0.0, lens.focal_px], [0.0, 0.0, 0.0]), [0.0, 0.0, 1.0], samples=4).astype(
+        float
+    )
+    assert drawn[12, 7] == pytest.approx(0.3, abs=1e-4) and drawn[7, 12] == pytest.approx(0.3, abs=1e-4)
+
+
 def test_a_bent_lens_shows_what_rays_through_it_meet(scene):
     vertices, faces, lens, pose = scene
     bent = lens_of(CameraModel(half_angle_deg=12.0, resolution_px=64), Distortion(k1=-0.8, p1=0.02))
