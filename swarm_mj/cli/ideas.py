@@ -34,7 +34,9 @@ def add(commands: argparse._SubParsersAction) -> None:
         metavar="WHAT",
         help="YAML file of a requirement; or keys of one, list, show STUDY, compare STUDY STUDY, rerun STUDY",
     )
-    ideas.add_argument("study", nargs="*", metavar="STUDY", help="id of a kept study, the beginning of it, or its name")
+    ideas.add_argument(
+        "study", nargs="*", default=[], metavar="STUDY", help="id of a kept study, the beginning of it, or its name"
+    )
     ideas.add_argument("--base", type=Path, metavar="FILE", help="the knowledge base (default: results/ideas.sqlite)")
     ideas.add_argument(
         "--out",

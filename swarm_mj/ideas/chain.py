@@ -598,7 +598,7 @@ def _forbidden(
     remedy = (
         f"it takes {told}"
         if told
-        else f"nor does it help to relax {', '.join(EASED)}, limits.spacecraft or limits.units"
+        else f"nor does it help to relax {', '.join(EASED)}, limits.spacecraft, limits.spacecraft_kg or limits.units"
     )
     return (
         f"no spacecraft among {len(tried)} kinds can be built for it ({', '.join(causes)}); the nearest, {nearest.kind}: "
@@ -619,6 +619,7 @@ def _relaxations(asked: Requirement, scenario: Scenario, seen: Encounter) -> lis
             return [larger]
         ways = {key: _eased(given, key, most, scenario, seen) for key, most in EASED.items() if given.value(key)}
         ways["limits.spacecraft"] = _more_spacecraft(given, scenario, seen)
+        ways["limits.spacecraft_kg"] = _heavier(given, scenario, seen)
         if any(ways.values()):
             return [{**larger, key: value} for key, value in ways.items() if value]
     return []
@@ -658,3 +659,12 @@ def _more_spacecraft(asked: Requirement, scenario: Scenario, seen: Encounter) ->
         if isinstance(found, Spacecraft)
     ]
     return float(min(counts)) if counts else None
+
+
+def _heavier(asked: Requirement, scenario: Scenario, seen: Encounter) -> float | None:
+    """The mass of the lightest that can be built by the standard's limits alone [kg]; None: a limit of mass forbids nothing."""
+    if asked.limits.spacecraft_kg is None:
+        return None
+    free = asked.model_copy(update={"limits": asked.limits.model_copy(update={"spacecraft_kg": None})})
+    masses = [found.mass_kg for *_, found in spacecraft_options(free, scenario, seen) if isinstance(found, Spacecraft)]
+    return ceil(100.0 * min(masses)) / 100.0 if masses else None

@@ -251,6 +251,16 @@ def test_a_link_that_is_too_slow_in_flight_is_sized_anew(bare):
     assert (again.design, again.spacecraft.link) == (None, fast.spacecraft.link) and again.taken
 
 
+def test_too_light_a_limit_is_told_with_the_mass_that_can_be_built():
+    limits = {"units": [6], "altitudes_m": [1000], "spacecraft_kg": 3.0}
+    found = run_study(load_requirement({**CASE, "limits": limits}))
+    way = next(way for way in found.relaxed if "limits.spacecraft_kg" in way)
+    assert not found.closed and set(way) == {"limits.spacecraft_kg"} and "limits.spacecraft_kg = " in found.forbids
+    eased = {**CASE, "limits": {**limits, **{"spacecraft_kg": way["limits.spacecraft_kg"]}}}
+    assert _can_be_built(eased)
+    assert not _can_be_built({**eased, "limits": {**limits, "spacecraft_kg": 0.98 * way["limits.spacecraft_kg"]}})
+
+
 def test_too_few_spacecraft_are_told_with_how_many_are_needed(bare, monkeypatch):
     monkeypatch.setattr("swarm_mj.ideas.spacecraft.DETECTORS", DETECTORS[:1])
     limits = {"units": [6], "altitudes_m": [500], "spacecraft": 1}
