@@ -37,8 +37,9 @@ ALIKE_PX = 9.0
 OUTLIER = 4.0
 #: How many components of landmarks weigh as much as what their patches say of their errors, beside how they scatter.
 SCATTER_DOF = 2.0
-#: Rounds of prediction.
-ROUNDS = 3
+#: Rounds of prediction, after which a step must be within what the fit says of its error, squared over its covariance; where it
+#: is not, as where landmarks are found and lost in turn, rounds that go half as far, at most so many in all.
+ROUNDS, SETTLED, MOST_ROUNDS = 3, 1.0, 8
 #: Least relief of a place over that of the best.
 RELIEF = 1e-3
 #: Landmarks are looked for so near [px]. Pictures that may be farther off are aligned first, by pixels so coarse that it is not
@@ -80,7 +81,7 @@ def measure_landmarks(
             return aside
         believed, search = seen.at(seen.pose.r_A + aside), NEAR_PX
     last: Found | None = None
-    for k in range(ROUNDS):
+    for k in range(MOST_ROUNDS):
         found = find_landmarks(believed, predictor, signal, search)
         if isinstance(found, Rejected):
             return found
@@ -89,11 +90,14 @@ def measure_landmarks(
         if isinstance(solved, Rejected):
             return solved
         dr, P, count = solved
-        believed = believed.at(believed.pose.r_A + dr)
+        off = float(dr @ np.linalg.solve(P, dr))
+        believed = believed.at(believed.pose.r_A + (dr if k < ROUNDS else 0.5 * dr))
         moved_px = np.linalg.norm(dr) * seen.lens.focal_px / max(float(np.linalg.norm(believed.pose.r_A)), 1e-9)
-        if k > 0 and moved_px < 0.02:
+        if k > 0 and (moved_px < 0.02 or (k >= ROUNDS - 1 and off < SETTLED)):
             break
         search = min(search, 4.0)
+    else:
+        return Rejected("landmarks", "the fit does not settle")
     # A turn of the camera moves all landmarks as one; what position would do the same follows from the fit.
     assert last is not None  # there are rounds
     turn = _turn_as_position(believed, last, floor_px)
