@@ -17,12 +17,14 @@ soften is less than a pixel wherever a shadow is cast from less than a hundred p
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import ceil, floor, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.special import ndtr
 
 from swarm_mj.compilation import allocation_free, jittable, kernel
 from swarm_mj.observation.camera import CameraPose
@@ -32,16 +34,17 @@ from swarm_mj.observation.raster import NEAREST, Canvas, Mesh, View, draw_faces,
 from swarm_mj.observation.shadows import SunMap, draw_from_sun, find_clear, frame, is_lit, make_sun_map, turn_to
 from swarm_mj.typing import Array, Array32, Ints32, Mask
 
-#: Samples along a side of the grid that is drawn at once.
-GRID = 1040
+#: Samples along a side of the grid that is drawn at once, and of the smaller one for what fits on it.
+GRID, SMALL_GRID = 1040, 400
 #: Fewest and most samples along a pixel.
 FEWEST, MOST = 2, 64
 #: Samples along a pixel for labels where the lens bends.
 BENT = 8
-#: Up to so many pixels a body is spread by the lens before pixels collect its light.
-SMALL_PX = 32
-#: Places along a side of the map from the Sun.
-SUN_GRID = 1024
+#: Up to so many pixels a body is spread by the lens before pixels collect its light: of parts of a pixel, so many along one at
+#: least and at most, of so many samples each.
+SMALL_PX, PARTS, PART_SAMPLES = 32, (4, 64), 4
+#: Places along a side of the map from the Sun, and of that for the smaller grid.
+SUN_GRID, SMALL_SUN_GRID = 1024, 512
 
 
 class Labels(NamedTuple):
@@ -100,8 +103,11 @@ class ShadedBody:
         self.surface = surface
         self._mesh = make_mesh(vertices, faces)
         self._albedo = np.ones(len(faces)) if face_albedo is None else np.array(face_albedo, np.float64)
-        self._canvas = make_canvas(GRID, len(vertices), len(faces))
-        self._sun = make_sun_map(make_canvas(SUN_GRID, len(vertices), len(faces)))
+        self._grids = [
+            (make_canvas(size, len(vertices), len(faces)), make_sun_map(make_canvas(sun, len(vertices), len(faces))))
+            for size, sun in ((SMALL_GRID, SMALL_SUN_GRID), (GRID, SUN_GRID))
+        ]
+        self._use_grid(GRID)
         self._planes = np.empty((len(faces), 12))
         self._edges = _edges_of(self._mesh.faces)
         self._outermost = np.zeros((2, GRID**2), np.float32)
@@ -135,6 +141,7 @@ class ShadedBody:
         if not (size > 0).all():
             return out
         along = samples or min(max(GRID // (int(size.max()) + 2), fewest), MOST)
+        self._use_grid(GRID if lens.is_distorted else along * (int(size.max()) + 2))
         # A bent tile may be wider than a straight one; others are drawn with the pixels about them.
         step = max(1, int((GRID // along) * (0.9 if lens.is_distorted else 1.0)) - 2)
         light = self._light(sun_A)
@@ -157,15 +164,14 @@ class ShadedBody:
         if psf_px > 0.0 and 0 < size <= SMALL_PX:
             margin, most = int(np.ceil(5.0 * psf_px)), np.array([lens.width, lens.height])
             low, high = np.maximum(low - margin, 0), np.minimum(high + margin, most)
-            times = max(GRID // (4 * int((high - low).max())), 2)
-            fine = self.draw(lens.zoomed(low.astype(np.float64), high.astype(np.float64), times), pose, sun_A).astype(
-                np.float64
-            )
-            spread = ndimage.gaussian_filter(fine, psf_px * times, mode="constant", truncate=5.0)
-            rows, columns = (high - low)[1], (high - low)[0]
+            columns, rows = (high - low).tolist()
+            shown_px = self._extent * lens.focal_px / max(float(np.linalg.norm(pose.r_A)), self._extent)
+            parts = int(np.clip((SMALL_GRID // PART_SAMPLES - 2) / shown_px, *PARTS))
+            near = lens.zoomed(low.astype(np.float64), high.astype(np.float64), parts)
+            fine = self.draw(near, pose, sun_A, samples=PART_SAMPLES).astype(np.float64)
             out = np.zeros((lens.height, lens.width), np.float32)
-            blocks = spread.reshape(rows, times, columns, times).mean(axis=(1, 3))
-            out[low[1] : high[1], low[0] : high[0]] = blocks
+            down, across = (_pixel_shares(count, parts, psf_px) for count in (rows, columns))
+            out[low[1] : high[1], low[0] : high[0]] = down @ fine @ across.T
             return out
         drawn = self.draw(lens, pose, sun_A, fewest=fewest)
         if psf_px > 0.0 and size > 0:
@@ -189,6 +195,7 @@ class ShadedBody:
         """Face, depth and light under the centre of each pixel, see `Labels`; without shadows nothing is lit."""
         height, width = lens.height, lens.width
         face, depth = np.full((height, width), -1, np.int32), np.zeros((height, width))
+        self._use_grid(GRID)
         lit, light = np.zeros((height, width), np.bool_), self._light(sun_A)
         # Where the lens bends, centres of pixels are no centres of samples, and samples must be fine.
         along = BENT if lens.is_distorted else 1
@@ -243,6 +250,10 @@ class ShadedBody:
             low, high = np.zeros(2), most
         return np.clip(low, 0, most).astype(np.int64), np.clip(high, 0, most).astype(np.int64)
 
+    def _use_grid(self, needed: int) -> None:
+        """Draw on the smallest grid with so many samples along a side, or the largest."""
+        self._canvas, self._sun = self._grids[0 if needed <= SMALL_GRID else 1]
+
     def _light(self, sun_A: Array) -> _Light:
         to_sun = np.asarray(sun_A, np.float64) / np.linalg.norm(sun_A)
         turn_to(self._sun, *to_sun)
@@ -276,7 +287,7 @@ class ShadedBody:
         pixel_from_C = np.array(
             [
                 [scale, 0.0, -scale * corner[0]],
-                [0.0, -scale, GRID + scale * corner[1]],
+                [0.0, -scale, self._canvas.row_span.shape[0] + scale * corner[1]],
                 [0.0, 0.0, 1.0],
             ]
         )
@@ -331,6 +342,13 @@ def _edges_of(faces: Ints32) -> Ints32:
     right = np.where(there[order][at] == back, face[order][at], -1)
     once = (start < stop) | (right < 0)
     return np.column_stack((start, stop, face, right))[once].astype(np.int32)
+
+
+@lru_cache(maxsize=64)
+def _pixel_shares(count: int, parts: int, sigma_px: float) -> Array:
+    """Means over pixels of what parts of pixels send there through a Gaussian spread, shape (count, count * parts)."""
+    middle = (np.arange(count * parts) + 0.5) / parts
+    return np.asarray(np.diff(ndtr((np.arange(count + 1)[:, None] - middle) / sigma_px), axis=0) / parts)
 
 
 def _places(lens: Lens, tile: tuple[int, int, int, int]) -> tuple[Array, Array]:
@@ -578,9 +596,8 @@ def _part_at_edges(
                             continue
                         number = f + 1 if front else g + 1
                         number = number if seen[number - 1] else np.int64(max(p, q))
-                        inside = place - 0.5 * side
                         gained = side * _value_at(
-                            mesh, light, planes, clear, number, mid if down else inside, inside if down else mid
+                            mesh, light, planes, clear, number, mid if down else place, place if down else mid
                         )
                     elif p == one and q == other:
                         # Of faces narrower than the way between samples those alone would be parted on which a sample falls.
