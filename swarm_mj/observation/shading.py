@@ -163,15 +163,17 @@ class ShadedBody:
         size = int((high - low).max())
         if psf_px > 0.0 and 0 < size <= SMALL_PX:
             margin, most = int(np.ceil(5.0 * psf_px)), np.array([lens.width, lens.height])
-            low, high = np.maximum(low - margin, 0), np.minimum(high + margin, most)
-            columns, rows = (high - low).tolist()
+            first, stop = np.maximum(low - margin, 0), np.minimum(high + margin, most)
             shown_px = self._extent * lens.focal_px / max(float(np.linalg.norm(pose.r_A)), self._extent)
             parts = int(np.clip((SMALL_GRID // PART_SAMPLES - 2) / shown_px, *PARTS))
             near = lens.zoomed(low.astype(np.float64), high.astype(np.float64), parts)
             fine = self.draw(near, pose, sun_A, samples=PART_SAMPLES).astype(np.float64)
+            across, down = (
+                _pixel_shares(int(a - low[k]), int(b - low[k]), int(high[k] - low[k]), parts, psf_px)
+                for k, (a, b) in enumerate(zip(first, stop, strict=True))
+            )
             out = np.zeros((lens.height, lens.width), np.float32)
-            down, across = (_pixel_shares(count, parts, psf_px) for count in (rows, columns))
-            out[low[1] : high[1], low[0] : high[0]] = down @ fine @ across.T
+            out[first[1] : stop[1], first[0] : stop[0]] = down @ fine @ across.T
             return out
         drawn = self.draw(lens, pose, sun_A, fewest=fewest)
         if psf_px > 0.0 and size > 0:
@@ -344,11 +346,14 @@ def _edges_of(faces: Ints32) -> Ints32:
     return np.column_stack((start, stop, face, right))[once].astype(np.int32)
 
 
-@lru_cache(maxsize=64)
-def _pixel_shares(count: int, parts: int, sigma_px: float) -> Array:
-    """Means over pixels of what parts of pixels send there through a Gaussian spread, shape (count, count * parts)."""
+@lru_cache(maxsize=256)
+def _pixel_shares(first: int, stop: int, count: int, parts: int, sigma_px: float) -> Array:
+    """Means over pixels of what parts of some pixels, counted from the first of these, send there through a Gaussian spread.
+
+    Shape (stop - first, count * parts).
+    """
     middle = (np.arange(count * parts) + 0.5) / parts
-    return np.asarray(np.diff(ndtr((np.arange(count + 1)[:, None] - middle) / sigma_px), axis=0) / parts)
+    return np.asarray(np.diff(ndtr((np.arange(first, stop + 1)[:, None] - middle) / sigma_px), axis=0) / parts)
 
 
 def _places(lens: Lens, tile: tuple[int, int, int, int]) -> tuple[Array, Array]:
