@@ -233,23 +233,21 @@ def without_hot_pixels(seen: SeenPicture) -> Array:
 def find_region(signal: Array, background: float, psf_px: float) -> Region | None:
     """The brightest connected region of a picture; None: there is none above the noise."""
     sigma = np.sqrt(max(background, 1e-12))
+    grown = margin_px(psf_px)
     # What no pixel near it exceeds by two sigmas the mean of nine does not by five thirds.
-    around = box_of(signal > DETECTED / 3.0 * sigma, 2)
+    around = box_of(signal > DETECTED / 3.0 * sigma, 2 + grown)
     if around is None:
         return None
-    # The mean of 3 x 3 pixels has a third of their noise.
+    # The mean of 3 x 3 pixels has a third of their noise. Parts whose margins meet are one: a neck may be too dim to be seen.
     smooth = ndimage.uniform_filter(signal[around], 3, mode="nearest")
-    number, count = ndimage.label(smooth > DETECTED / 3.0 * sigma)
+    number, count = ndimage.label(ndimage.binary_dilation(smooth > DETECTED / 3.0 * sigma, iterations=grown))
     if count == 0:
         return None
     flux = ndimage.sum_labels(signal[around], number, np.arange(1, count + 1))
-    chosen = int(np.argmax(flux)) + 1
     mask = np.zeros(signal.shape, np.bool_)
-    mask[around] = number == chosen
-    grown = margin_px(psf_px)
-    box = box_of(mask, grown)
+    mask[around] = number == int(np.argmax(flux)) + 1
+    box = box_of(mask, 0)
     assert box is not None  # it was found
-    mask[box] = ndimage.binary_dilation(mask[box], iterations=grown)
     centre, total = centre_of_brightness(signal[box], mask[box], (box[1].start, box[0].start))
     if total <= 0.0:
         return None

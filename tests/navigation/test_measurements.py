@@ -10,7 +10,7 @@ from swarm_mj.navigation.centroid import measure_centroid
 from swarm_mj.navigation.landmarks import measure_landmarks
 from swarm_mj.navigation.limb import horizon_position, horizon_residuals, measure_horizon, measure_limb
 from swarm_mj.navigation.measure import measure, suited
-from swarm_mj.navigation.picture import Fix, Rejected, centre_of_brightness
+from swarm_mj.navigation.picture import Fix, Rejected, centre_of_brightness, find_region
 from swarm_mj.observation.camera import CameraPose, look_at
 from swarm_mj.observation.photometry import radiance_factors, surface_of
 from swarm_mj.observation.shading import ShadedBody
@@ -202,3 +202,15 @@ def test_the_size_on_the_picture_says_which_way(studio):
     assert measure(seen, studio.predictor, asked, 1.0).kind == "centroid"
     none = measure(seen, studio.predictor, OpticalNavigation(methods=["landmarks"]), 1.0)
     assert isinstance(none, Rejected) and "no way" in none.why
+
+
+def test_parts_whose_margins_meet_are_one_body_and_what_is_far_is_not():
+    rows, columns = np.mgrid[0:128, 0:128] + 0.5
+
+    def spot(x, y, light):
+        return light * np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / 8.0)
+
+    neck = find_region(spot(40.0, 50.0, 900.0) + spot(54.0, 50.0, 300.0), 25.0, 0.6)
+    far = find_region(spot(40.0, 50.0, 900.0) + spot(90.0, 50.0, 300.0), 25.0, 0.6)
+    assert neck.centre == pytest.approx([40.0 + 14.0 / 4.0, 50.0], abs=0.05)
+    assert far.centre == pytest.approx([40.0, 50.0], abs=0.05)
