@@ -149,7 +149,8 @@ scenario's. *Time* is over that of the plain flight. `eros-config1` and `eros-co
 camera.
 
 Shape, law, GM and pole of the body are known exactly in these flights, but for the one with a model of fewer faces, whose
-covariances allow for nothing more than the defaults.
+covariances allow for nothing more than the defaults: what a wrong shape is off by stays from picture to picture, where the
+filter takes it for noise, and NEES comes out too large.
 
 | scenario | P_TO, passage [%] | by pictures | delivered | error [m] | 3 sigma [m] | NEES | NIS | aim [deg] | pictures | time |
 |---|---|---|---|---|---|---|---|---|---|---|
