@@ -32,8 +32,8 @@ GM, ROTATION, SPIN, SHARED = 0, slice(1, 4), 4, 5
 STEP, LONGEST_S = 0.05, 600.0
 #: Chance with which a measurement as unlikely as one that is rejected would be a true one: one in a million.
 GATE = 1e-6
-#: How many times what a range lacks beyond first order counts in the estimate: it does not become less as others follow, since
-#: it comes of the same errors in all of them. Chosen so that estimates of 2,400 flights err as they say.
+#: How many times what a range varies beyond first order counts in the estimate: it does not become less as others follow, since
+#: it comes of the same errors in all of them. Chosen so that estimates of drawn flights err as they say.
 SECOND_ORDER = 3.0
 
 
@@ -251,13 +251,14 @@ class SwarmFilter:
         H = np.zeros((1, len(self.x)))
         H[0, OWN * j : OWN * j + 3] = between / distance
         H[0, OWN * i : OWN * i + 3] = -between / distance
-        # To second order the distance is longer by x^T x / 2 d of what lies across, known as that squared is in the mean.
+        # To second order the distance is longer by x^T x / 2 d of what lies across: by its mean, and known as it varies.
         rows = self.S[OWN * j : OWN * j + 3] - self.S[OWN * i : OWN * i + 3]
         u = between / distance
         across = (rows - np.outer(u, u @ rows)) / np.sqrt(distance)
-        longer = across @ across.T
-        more = 0.25 * float(np.trace(longer)) ** 2 + 0.5 * float(np.trace(longer @ longer))
-        return self._use(np.array([measured - distance]), H, np.array([[sigma**2 + more]]), (SECOND_ORDER - 1.0) * more)
+        spread = across @ across.T
+        longer, more = 0.5 * float(np.trace(spread)), 0.5 * float(np.trace(spread @ spread))
+        R = np.array([[sigma**2 + more]])
+        return self._use(np.array([measured - distance - longer]), H, R, (SECOND_ORDER - 1.0) * more)
 
     def _use(self, y: Array, H: Array, R: Array, beyond: float = 0.0) -> Update:
         """Measurement update, unless it is a wild one; less is believed of it by a variance `beyond` what it errs by now."""
