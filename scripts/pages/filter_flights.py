@@ -16,19 +16,36 @@ from swarm_mj.navigation.picture import Fix
 from swarm_mj.spacecraft.attitude.mrp import cross_matrix
 from swarm_mj.typing import Array
 
-GM = 4.46e5
-SPIN = np.array([0.0, 0.0, 3.3e-4])
+#: Gravitational parameter [m^3/s^2] and spin in N [rad/s] of a body like Eros.
+GM, SPIN = 4.46e5, np.array([0.0, 0.0, 3.3e-4])
+#: States of two spacecraft on their way past it, believed at the start, in N [m, m/s], and their errors, 1 sigma [m, m/s].
 R0 = np.array([[-30e3, 8e3, 0.0], [-30e3, -9e3, 2e3]])
 V0 = np.array([[40.0, 3.0, 0.0], [42.0, -2.0, 1.0]])
 SIGMA = np.repeat((300.0, 0.3), 3)
-#: What errs, and whether the two spacecraft range to each other.
+
+
+class Case(NamedTuple):
+    """What errs, and whether the two range to each other; where the second begins [m, m/s], and errors at the start."""
+
+    noise: FilterNoise
+    ranges: bool = True
+    r: Array = R0
+    v: Array = V0
+    sigma: Array = SIGMA
+
+
 CASES = {
-    "each by itself": (FilterNoise(acceleration=1e-4), False),
-    "ranging; attitude, mounting and GM err": (
-        FilterNoise(acceleration=1e-4, attitude=1e-4, mount=1.5e-4, gm=0.05),
-        True,
+    "each by itself": Case(FilterNoise(acceleration=1e-4), ranges=False),
+    "ranging; attitude, mounting and GM err": Case(
+        FilterNoise(acceleration=1e-4, attitude=1e-4, mount=1.5e-4, gm=0.05)
     ),
-    "ranging; the body is turned": (FilterNoise(acceleration=1e-4, rotation=1e-3), True),
+    "ranging; the body is turned": Case(FilterNoise(acceleration=1e-4, rotation=1e-3)),
+    "ranging, 300 m apart and known to 30 m": Case(
+        FilterNoise(acceleration=1e-4),
+        r=R0[0] + np.array([[0.0, 0.0, 0.0], [0.0, 300.0, 50.0]]),
+        v=V0[0] + np.array([[0.0, 0.0, 0.0], [0.3, 0.2, 0.1]]),
+        sigma=np.repeat((30.0, 0.1), 3),
+    ),
 }
 
 
@@ -47,24 +64,25 @@ def flown(r: Array, v: Array, t: float, gm: float = 1.0) -> tuple[Array, Array]:
     return y[: r.size].reshape(r.shape), y[r.size :].reshape(r.shape)
 
 
-def begun(noise: FilterNoise, n: int = 2) -> SwarmFilter:
+def begun(case: Case, n: int = 2) -> SwarmFilter:
     """The filter of n spacecraft."""
-    return SwarmFilter(pull, GM, SPIN, noise, 0.0, R0[:n], V0[:n], np.tile(np.diag(SIGMA**2), (n, 1, 1)))
+    P = np.tile(np.diag(case.sigma**2), (n, 1, 1))
+    return SwarmFilter(pull, GM, SPIN, case.noise, 0.0, case.r[:n], case.v[:n], P)
 
 
 class Errors(NamedTuple):
-    """Of a flight: squared errors of its estimates at the end over what the filter says of them, and of its innovations."""
+    """Squared errors of estimates at the end and of innovations over what the filter says, and how many innovations these are."""
 
     nees: float
     nis: float
     innovations: int
 
 
-def flight(rng: np.random.Generator, noise: FilterNoise, ranges: bool, steps: int = 8, dt: float = 120.0) -> Errors:
-    """Fly two spacecraft for 16 minutes, each of which takes a picture every two."""
-    each = begun(noise)
-    start = SIGMA * rng.normal(size=(2, 6))
-    r, v = R0 + start[:, :3], V0 + start[:, 3:]
+def flight(rng: np.random.Generator, case: Case, steps: int = 8, dt: float = 120.0) -> Errors:
+    """Fly two spacecraft for some steps of some time [s], each of which takes a picture after each."""
+    each, noise = begun(case), case.noise
+    start = case.sigma * rng.normal(size=(2, 6))
+    r, v = case.r + start[:, :3], case.v + start[:, 3:]
     mount, gm = noise.mount * rng.normal(size=(2, 3)), 1.0 + noise.gm * rng.normal()
     turned, nis, dof = noise.rotation * rng.normal(size=3), 0.0, 0
     for k in range(steps):
@@ -80,7 +98,7 @@ def flight(rng: np.random.Generator, noise: FilterNoise, ranges: bool, steps: in
             seen = r[j] - np.cross(turned, r[j]) - believed + error
             update = each.use_fix(j, Fix("limb", seen, np.eye(3), R, turn, 1), np.eye(3))
             nis, dof = nis + update.nis, dof + update.dof
-        if ranges:
+        if case.ranges:
             update = each.use_range(0, 1, float(np.linalg.norm(r[1] - r[0]) + rng.normal()), 1.0)
             nis, dof = nis + update.nis, dof + 1
     # Both together: what they share, as the body's turn, makes their errors alike.
@@ -93,7 +111,7 @@ def row_of(case: str, count: int) -> str:
     """A row of the table: so many flights of a case."""
     rng = np.random.default_rng(7)
     nees, nis, innovations = (
-        sum(column) for column in zip(*(flight(rng, *CASES[case]) for _ in range(count)), strict=True)
+        sum(column) for column in zip(*(flight(rng, CASES[case]) for _ in range(count)), strict=True)
     )
 
     def shown(total: float, dof: int) -> str:

@@ -132,7 +132,8 @@ landmarks by an error of their own of {floor} px, horizons by {edge} px and more
 {filtered} short flights of two spacecraft some 30 km from a body, of the filter alone: measurements are drawn, and err by what
 the filter is told (`scripts/pages/filter_flights.py`). NEES and NIS are the squared errors of the estimates at the end and of
 the innovations over what the filter says of them, a component; in brackets where 95 % of right ones lie. Ranges known to 1 m
-between places known to 140 m are not linear: they are believed less for that, by which innovations come out smaller than said.
+between places known much worse are not linear: they are believed less, by which innovations come out smaller than said; of near
+spacecraft estimates err somewhat more than said all the same.
 
 | case | flights | NEES | NIS |
 |---|---|---|---|

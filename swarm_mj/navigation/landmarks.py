@@ -27,7 +27,8 @@ LEAST_CORRELATION, DISTINCT = 0.8, 0.05
 LARGEST_PX = 1.0
 #: Share of the landmarks that must agree, and how well: median of their distances from where the fit puts them [px].
 SHARE, AGREE_PX = 0.6, 1.0
-#: Error of a landmark besides what its own patch tells, 1 sigma [px].
+#: Error of a landmark besides what its own patch tells, 1 sigma [px]; so that those of Eros, Bennu and a dumb-bell err as
+#: they say.
 FLOOR = 0.0065
 #: What cubic interpolation leaves of the variance of noise, on the mean over all places between pixels.
 CUBIC = 0.75

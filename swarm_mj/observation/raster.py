@@ -163,7 +163,7 @@ def draw_faces(mesh: Mesh, view: View, canvas: Canvas) -> None:
         projected[v, 0], projected[v, 1] = x * projected[v, 2], y * projected[v, 2]
     for i in range(_choose(faces, projected, size, chosen)):
         f = chosen[i]
-        a, b, c = _corner(projected, faces[f, 0]), _corner(projected, faces[f, 1]), _corner(projected, faces[f, 2])
+        a, b, c = corner(projected, faces[f, 0]), corner(projected, faces[f, 1]), corner(projected, faces[f, 2])
         if a[2] > 0.0 and b[2] > 0.0 and c[2] > 0.0:
             _fill(a, b, c, f, size, spans, depth, picture)
         else:
@@ -184,7 +184,7 @@ def draw_projected(mesh: Mesh, canvas: Canvas) -> None:
     picture[:] = 0
     for i in range(_choose(faces, projected, size, chosen)):
         f = chosen[i]
-        a, b, c = _corner(projected, faces[f, 0]), _corner(projected, faces[f, 1]), _corner(projected, faces[f, 2])
+        a, b, c = corner(projected, faces[f, 0]), corner(projected, faces[f, 1]), corner(projected, faces[f, 2])
         _fill(a, b, c, f, size, spans, depth, picture)
 
 
@@ -199,12 +199,13 @@ def _to_pixels(vertices: Array, v: int, r_A: Array, m: Array) -> Corner:
 
 
 @jittable
-def _corner(projected: Array, v: int) -> Corner:
+def corner(projected: Array, v: int) -> Corner:
+    """Where a vertex is on the picture."""
     return projected[v, 0], projected[v, 1], projected[v, 2]
 
 
 @jittable
-def _twice_area(a: Corner, b: Corner, c: Corner) -> float:
+def twice_area(a: Corner, b: Corner, c: Corner) -> float:
     """Twice the area on the picture [px^2], positive when the outer side is seen."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
@@ -224,11 +225,11 @@ def _choose(faces: Ints32, projected: Array, size: int, chosen: Ints32) -> int:
     """
     n = 0
     for f in range(faces.shape[0]):
-        a, b, c = _corner(projected, faces[f, 0]), _corner(projected, faces[f, 1]), _corner(projected, faces[f, 2])
+        a, b, c = corner(projected, faces[f, 0]), corner(projected, faces[f, 1]), corner(projected, faces[f, 2])
         ahead = (a[2] > 0.0) & (b[2] > 0.0) & (c[2] > 0.0)
         across = (min(a[0], b[0], c[0]) <= size) & (max(a[0], b[0], c[0]) >= 0.0)
         bottom, top = _rows(a, b, c, size)
-        seen = ahead & across & (bottom <= top) & (_twice_area(a, b, c) > 0.0)
+        seen = ahead & across & (bottom <= top) & (twice_area(a, b, c) > 0.0)
         cut = (not ahead) & ((a[2] > 0.0) | (b[2] > 0.0) | (c[2] > 0.0))
         chosen[n] = f
         n += seen | cut
@@ -240,9 +241,9 @@ def _fill_beyond(mesh: Mesh, view: View, f: int, size: int, spans: Array, depth:
     """Fill the part of a triangle that lies beyond `near`: a triangle or a quadrangle."""
     face, near = mesh.faces[f], view.near
     cut, count = np.empty((4, 3)), 0
-    for corner in range(3):
-        xa, ya, za = _to_pixels(mesh.vertices, face[corner], view.r_A, view.pixel_from_A)
-        xb, yb, zb = _to_pixels(mesh.vertices, face[(corner + 1) % 3], view.r_A, view.pixel_from_A)
+    for k in range(3):
+        xa, ya, za = _to_pixels(mesh.vertices, face[k], view.r_A, view.pixel_from_A)
+        xb, yb, zb = _to_pixels(mesh.vertices, face[(k + 1) % 3], view.r_A, view.pixel_from_A)
         if za >= near:
             cut[count] = xa / za, ya / za, 1.0 / za
             count += 1
@@ -250,15 +251,15 @@ def _fill_beyond(mesh: Mesh, view: View, f: int, size: int, spans: Array, depth:
             share = (near - za) / (zb - za)
             cut[count] = (xa + share * (xb - xa)) / near, (ya + share * (yb - ya)) / near, 1.0 / near
             count += 1
-    for corner in range(2, count):
-        _fill(_corner(cut, 0), _corner(cut, corner - 1), _corner(cut, corner), f, size, spans, depth, picture)
+    for k in range(2, count):
+        _fill(corner(cut, 0), corner(cut, k - 1), corner(cut, k), f, size, spans, depth, picture)
 
 
 @jittable
 def _fill(a: Corner, b: Corner, c: Corner, f: int, size: int, spans: Array, depth: Depth, picture: Picture) -> None:
     """Fill one triangle; `spans` is scratch for the first and last column of each row and 1/Z at the first."""
     (xa, ya, za), (xb, yb, zb), (xc, yc, zc) = a, b, c
-    area, (bottom, top) = _twice_area(a, b, c), _rows(a, b, c, size)
+    area, (bottom, top) = twice_area(a, b, c), _rows(a, b, c, size)
     if not area > 0.0:
         return
     z_x = ((zb - za) * (yc - ya) - (zc - za) * (yb - ya)) / area

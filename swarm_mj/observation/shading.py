@@ -30,7 +30,17 @@ from swarm_mj.compilation import allocation_free, jittable, kernel
 from swarm_mj.observation.camera import CameraPose
 from swarm_mj.observation.lens import Lens
 from swarm_mj.observation.photometry import Surface, radiance_factor
-from swarm_mj.observation.raster import NEAREST, Canvas, Mesh, View, draw_faces, make_canvas, make_mesh
+from swarm_mj.observation.raster import (
+    NEAREST,
+    Canvas,
+    Mesh,
+    View,
+    corner,
+    draw_faces,
+    make_canvas,
+    make_mesh,
+    twice_area,
+)
 from swarm_mj.observation.shadows import SunMap, draw_from_sun, find_clear, frame, is_lit, make_sun_map, turn_to
 from swarm_mj.typing import Array, Array32, Ints32, Mask
 
@@ -638,9 +648,8 @@ def _reach(mesh: Mesh, at: Array, f: int, a: int, b: int, i: int, j: int, line: 
 @jittable
 def _is_front(mesh: Mesh, at: Array, f: int) -> bool:
     """Whether a face turns its outer side to the camera."""
-    a, b, c = mesh.faces[f, 0], mesh.faces[f, 1], mesh.faces[f, 2]
-    area = (at[b, 0] - at[a, 0]) * (at[c, 1] - at[a, 1]) - (at[b, 1] - at[a, 1]) * (at[c, 0] - at[a, 0])
-    return bool(at[c, 2] > 0.0 and area > 0.0)
+    a, b, c = corner(at, mesh.faces[f, 0]), corner(at, mesh.faces[f, 1]), corner(at, mesh.faces[f, 2])
+    return bool((a[2] > 0.0) & (b[2] > 0.0) & (c[2] > 0.0) & (twice_area(a, b, c) > 0.0))
 
 
 @allocation_free

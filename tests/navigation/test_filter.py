@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from scripts.pages.filter_flights import CASES, GM, R0, SIGMA, SPIN, V0, begun, flight, flown, pull
+from scripts.pages.filter_flights import CASES, GM, R0, SIGMA, SPIN, V0, Case, begun, flight, flown, pull
 from swarm_mj.navigation.filter import FilterNoise, SwarmFilter
 from swarm_mj.navigation.picture import Fix
 from swarm_mj.spacecraft.attitude.mrp import cross_matrix
@@ -13,14 +13,14 @@ from swarm_mj.spacecraft.attitude.mrp import cross_matrix
 @pytest.mark.parametrize("case", CASES)
 def test_estimates_and_innovations_err_as_the_filter_says(case):
     rng = np.random.default_rng(0)
-    flights = [flight(rng, *CASES[case]) for _ in range(14)]
+    flights = [flight(rng, CASES[case]) for _ in range(14)]
     nees, nis, dof = (sum(column) for column in zip(*flights, strict=True))
     assert chi2.ppf(1e-4, 12 * 14) < nees < chi2.isf(1e-4, 12 * 14)
     assert chi2.ppf(1e-4, dof) < nis < chi2.isf(1e-4, dof)
 
 
 def test_without_process_noise_it_is_batch_least_squares():
-    rng, each, times = np.random.default_rng(1), begun(FilterNoise(), 1), (200.0, 400.0, 600.0)
+    rng, each, times = np.random.default_rng(1), begun(Case(FilterNoise()), 1), (200.0, 400.0, 600.0)
     R = np.diag([30.0, 20.0, 80.0]) ** 2
     # Derivatives at the plan, by differences of another integrator.
     steps = np.diag(np.repeat((10.0, 0.01), 3))
@@ -41,7 +41,7 @@ def test_without_process_noise_it_is_batch_least_squares():
     r, v = flown((x0 + dx)[None, :3], (x0 + dx)[None, 3:], times[-1])
     sigma = np.sqrt(np.diag(each.covariance(0)))
     assert np.abs(np.concatenate((each.r_N[0] - r[0], each.v_N[0] - v[0])) / sigma).max() < 1e-3
-    plain = begun(FilterNoise(), 1)
+    plain = begun(Case(FilterNoise()), 1)
     phi = plain.advance(times[-1])[:6, :6]
     assert np.allclose(
         each.covariance(0) / np.outer(sigma, sigma),
@@ -51,7 +51,7 @@ def test_without_process_noise_it_is_batch_least_squares():
 
 
 def test_wild_measurements_are_refused_and_change_nothing():
-    each = begun(FilterNoise(), 1)
+    each = begun(Case(FilterNoise()), 1)
     before = each.x.copy(), each.S.copy()
     wild = Fix("limb", np.array([3e4, 0.0, 0.0]), np.eye(3), 100.0 * np.eye(3), np.zeros((3, 3)), 1)
     update = each.use_fix(0, wild, np.eye(3))
@@ -60,7 +60,7 @@ def test_wild_measurements_are_refused_and_change_nothing():
 
 
 def test_a_range_tells_both_spacecraft_and_is_not_counted_twice():
-    each = begun(FilterNoise())
+    each = begun(Case(FilterNoise()))
     distance = float(np.linalg.norm(R0[1] - R0[0]))
     along = (R0[1] - R0[0]) / distance
     for _ in range(2):
@@ -75,7 +75,7 @@ def test_a_range_tells_both_spacecraft_and_is_not_counted_twice():
 
 
 def test_a_push_and_a_coast_go_together():
-    each = begun(FilterNoise(), 1)
+    each = begun(Case(FilterNoise()), 1)
     push = np.array([0.5, -0.2, 0.1])
     there = each.coast(300.0, [(100.0, 0, push)])
     each.advance(100.0)
