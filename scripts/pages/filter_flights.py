@@ -71,7 +71,7 @@ def begun(case: Case, n: int = 2) -> SwarmFilter:
 
 
 class Errors(NamedTuple):
-    """Squared errors of estimates at the end and of innovations over what the filter says, and how many innovations these are."""
+    """Squared errors of estimates at the end and of innovations over what is said of them, and how many innovations."""
 
     nees: float
     nis: float
