@@ -259,13 +259,14 @@ def _match_pixels(
     """
     predicted = predictor.predict(seen, depths=True, fewest=2 if blur > 0.0 else FEWEST_SAMPLES)
     if blur > 0.0:
-        predicted = predicted._replace(signal=ndimage.gaussian_filter(predicted.signal, blur))
-    band = _band(seen, predicted, BAND + int(2.0 * blur))
-    if int(band.sum()) < 3 * LEAST_EDGES:
+        predicted = predicted._replace(signal=_blurred(predicted.signal, blur))
+    band, moves = _band(seen, predicted, BAND + int(2.0 * blur))
+    if len(moves) < 3 * LEAST_EDGES:
         return Rejected("limb", "too little of the lit limb is in the picture")
     light = predicted.signal[band]
-    basis, slope = _slopes(seen, predicted, band, _splined_slopes(predicted.signal, band))
-    basis = np.column_stack((light, basis))
+    slopes = _splined_slopes(predicted.signal, band)
+    slope = np.linalg.norm(slopes, axis=1)
+    basis = np.column_stack((light, np.einsum("nk,nkl->nl", slopes, moves)))
     variance = np.maximum(light, 0.0) + seen.background + (seen.edge_px * slope) ** 2
     chosen = ~seen.saturated[band]
     residual: Array = np.zeros(len(light))
@@ -288,7 +289,8 @@ def _match_pixels(
     K = (B * w[:, None]).T
     true = B
     if exact:
-        true = np.column_stack((light, _slopes(seen, predicted, band, _drawn_slopes(seen, predictor))[0]))[used]
+        drawn = np.einsum("nk,nkl->nl", _drawn_slopes(seen, predictor, band), moves)
+        true = np.column_stack((light, drawn))[used]
     # The fit ends where K residual = 0: what noise moves that by, the picture's own slopes say.
     settle = np.linalg.inv(K @ true)
     P4 = settle @ info @ settle.T
@@ -305,55 +307,48 @@ def _match_pixels(
     return _Fitted(C.T @ fit[1:] / gain, 0.5 * (P + P.T), int(used.sum()), misfit)
 
 
-def _splined_slopes(signal: Array, band: Mask) -> tuple[Array, Array]:
-    """How a picture changes along columns and rows [electrons/px], (height, width) each, by splines; zero far from the band."""
+def _blurred(signal: Array, blur: float) -> Array:
+    """A predicted picture spread by a Gaussian [px]: only about what is not dark."""
+    box = box_of(signal > 0.0, int(4.0 * blur) + 1)
+    if box is not None:
+        signal = signal.copy()
+        signal[box] = ndimage.gaussian_filter(signal[box], blur)
+    return signal
+
+
+def _splined_slopes(signal: Array, band: Mask) -> Array:
+    """How the pixels of a band change along columns and rows [electrons/px], shape (n, 2), by splines."""
     box = box_of(band, 4)
     assert box is not None  # pixels were found
     found = []
     for axis in (1, 0):
         spline = ndimage.spline_filter1d(signal[box], 3, axis, mode="nearest")
-        slope = np.zeros(signal.shape)
-        slope[box] = 0.5 * (np.roll(spline, -1, axis) - np.roll(spline, 1, axis))
-        found.append(slope)
-    return found[0], found[1]
+        found.append(0.5 * (np.roll(spline, -1, axis) - np.roll(spline, 1, axis))[band[box]])
+    return np.column_stack(found)
 
 
-def _drawn_slopes(seen: SeenPicture, predictor: Predictor) -> tuple[Array, Array]:
+def _drawn_slopes(seen: SeenPicture, predictor: Predictor, band: Mask) -> Array:
     """The same by pictures of a camera that is turned a little."""
     found, angle = [], SHIFT_PX / seen.lens.focal_px
     for turn in (np.array([0.0, angle, 0.0]), np.array([-angle, 0.0, 0.0])):
         # The camera turned by this, the picture moves to the left or up, so that a pixel shows what was right of it or below.
-        ahead, behind = (predictor.predict(seen.turned(side * turn)).signal for side in (1.0, -1.0))
+        ahead, behind = (predictor.predict(seen.turned(side * turn)).signal[band] for side in (1.0, -1.0))
         found.append((ahead - behind) / (2.0 * SHIFT_PX))
-    return found[0], found[1]
+    return np.column_stack(found)
 
 
-def _slopes(
-    seen: SeenPicture, predicted: Prediction, band: Mask, across_down: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    """How the pixels of a band change with the position in C [electrons/m], (n, 3), and along the picture [1/px], (n,)."""
-    assert predicted.depth is not None
-    box = box_of(band, 4)
-    assert box is not None  # pixels were found
-    rows, columns = np.nonzero(band[box])
-    gradient = np.column_stack([slope[band] for slope in across_down])
-    # Beside the body pixels move as the nearest of it.
-    sky = predicted.depth[box] <= 0.0
-    nearest = ndimage.distance_transform_edt(sky, return_distances=False, return_indices=True)
-    depth = predicted.depth[box][tuple(nearest)][band[box]]
-    image = seen.lens.to_image(np.column_stack((columns + box[1].start + 0.5, rows + box[0].start + 0.5)))
-    points_C = np.column_stack((image, np.ones(len(image)))) * depth[:, None]
-    moved = np.einsum("nk,nkl->nl", gradient, seen.lens.pixel_jacobian(points_C))
-    return moved, np.linalg.norm(gradient, axis=1)
+def _band(seen: SeenPicture, predicted: Prediction, width: int) -> tuple[Mask, Array]:
+    """Pixels up to some width inside and outside the lit limb.
 
-
-def _band(seen: SeenPicture, predicted: Prediction, width: int) -> Mask:
-    """Pixels up to some width inside and outside the lit limb, shape (height, width)."""
+    Returns:
+        Which they are, shape (height, width), and how what is there moves on the detector with its position in C [px/m], shape
+        (n, 2, 3).
+    """
     assert predicted.depth is not None
     solid = predicted.depth > 0.0
     band = np.zeros(solid.shape, np.bool_)
     if (box := box_of(solid, width + 2)) is None:
-        return band
+        return band, np.empty((0, 2, 3))
     padded = np.pad(solid[box], 1, mode="edge")
     inside = ndimage.distance_transform_edt(padded)[1:-1, 1:-1]
     outside = ndimage.distance_transform_edt(~padded)[1:-1, 1:-1] if not padded.all() else np.full(inside.shape, np.inf)
@@ -362,7 +357,14 @@ def _band(seen: SeenPicture, predicted: Prediction, width: int) -> Mask:
     near = ndimage.maximum_filter(predicted.signal[box], 2 * width + 1)
     bright = LIT_SHARE * float(np.quantile(predicted.signal[solid], 0.9))
     band[box] = rim & (near > max(bright, 3.0 * np.sqrt(seen.background)))
-    return band
+    if (box := box_of(band, width + 1)) is None:
+        return band, np.empty((0, 2, 3))
+    # Beside the body pixels move as the nearest of it.
+    rows, columns = np.nonzero(band[box])
+    nearest = ndimage.distance_transform_edt(~solid[box], return_distances=False, return_indices=True)
+    depth = predicted.depth[box][tuple(nearest[:, rows, columns])]
+    image = seen.lens.to_image(np.column_stack((columns + box[1].start + 0.5, rows + box[0].start + 0.5)))
+    return band, seen.lens.pixel_jacobian(np.column_stack((image, np.ones(len(image)))) * depth[:, None])
 
 
 class Horizon(NamedTuple):

@@ -54,7 +54,10 @@ BENT = 8
 #: least and at most, of so many samples each.
 SMALL_PX, PARTS, PART_SAMPLES = 32, (4, 64), 4
 #: Places along a side of the map from the Sun, and of that for the smaller grid.
-SUN_GRID, SMALL_SUN_GRID = 1024, 512
+SUN_GRID, SMALL_SUN_GRID = 1280, 640
+#: Share of the body's extent across the Sun's direction from which on that map shows all of it: a quarter of its places are
+#: lost at most.
+WHOLE = 0.75
 
 
 class Labels(NamedTuple):
@@ -97,6 +100,28 @@ class _Light(NamedTuple):
     sun: SunMap
 
 
+class _Grid:
+    """What pictures are drawn on, and the body as the Sun sees it.
+
+    Args:
+        samples: Along a side.
+        places: Along a side of the map from the Sun.
+        mesh: What is drawn.
+
+    Attributes:
+        canvas: The grid of samples.
+        sun: The map from the Sun.
+        clear: Faces on which that has no shadow, shape (f,).
+        whole: Direction from which the map shows the whole body, with all clear faces known; None: it shows a part.
+    """
+
+    def __init__(self, samples: int, places: int, mesh: Mesh) -> None:
+        sizes = len(mesh.vertices), len(mesh.faces)
+        self.canvas, self.sun = make_canvas(samples, *sizes), make_sun_map(make_canvas(places, *sizes))
+        self.clear = np.zeros(sizes[1], np.bool_)
+        self.whole: bytes | None = None
+
+
 class ShadedBody:
     """Draws pictures of a body in the light of the Sun.
 
@@ -113,15 +138,13 @@ class ShadedBody:
         self.surface = surface
         self._mesh = make_mesh(vertices, faces)
         self._albedo = np.ones(len(faces)) if face_albedo is None else np.array(face_albedo, np.float64)
-        self._grids = [
-            (make_canvas(size, len(vertices), len(faces)), make_sun_map(make_canvas(sun, len(vertices), len(faces))))
-            for size, sun in ((SMALL_GRID, SMALL_SUN_GRID), (GRID, SUN_GRID))
-        ]
+        self._grids = [_Grid(*size, self._mesh) for size in ((SMALL_GRID, SMALL_SUN_GRID), (GRID, SUN_GRID))]
         self._use_grid(GRID)
         self._planes = np.empty((len(faces), 12))
         self._edges = _edges_of(self._mesh.faces)
         self._outermost = np.zeros((2, GRID**2), np.float32)
-        self._seen, self._clear = np.zeros((2, len(faces)), np.bool_)
+        self._seen, self._all, self._front = np.zeros((3, len(faces)), np.bool_)
+        self._all[:] = True
         self.move(vertices)
 
     def move(self, vertices: Array) -> None:
@@ -132,6 +155,8 @@ class ShadedBody:
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         self._normals = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)
         self._extent = float(np.ptp(self._mesh.vertices, axis=0).max())
+        for grid in self._grids:
+            grid.whole = None
 
     def draw(
         self, lens: Lens, pose: CameraPose, sun_A: Array, *, samples: int | None = None, fewest: int = FEWEST
@@ -218,9 +243,19 @@ class ShadedBody:
                 tile = left, top, min(left + step, high[0]), min(top + step, high[1])
                 view, places = self._draw_grid(lens, pose, light, tile, along, shadows=shadows)
                 if view is not None:
-                    _prepare(self._mesh, view, self._canvas, light, self._seen, self._planes, shadows)
+                    _prepare(self._mesh, view, self._grid.canvas, light, self._seen, self._planes, shadows)
                     _label(
-                        self._mesh, self._canvas, light, self._planes, places, tile, along, shadows, face, depth, lit
+                        self._mesh,
+                        self._grid.canvas,
+                        light,
+                        self._planes,
+                        places,
+                        tile,
+                        along,
+                        shadows,
+                        face,
+                        depth,
+                        lit,
                     )
         return face, depth, lit
 
@@ -264,12 +299,12 @@ class ShadedBody:
 
     def _use_grid(self, needed: int) -> None:
         """Draw on the smallest grid with so many samples along a side, or the largest."""
-        self._canvas, self._sun = self._grids[0 if needed <= SMALL_GRID else 1]
+        self._grid = self._grids[0 if needed <= SMALL_GRID else 1]
 
     def _light(self, sun_A: Array) -> _Light:
         to_sun = np.asarray(sun_A, np.float64) / np.linalg.norm(sun_A)
-        turn_to(self._sun, *to_sun)
-        return _Light(self.surface, self._albedo, self._normals, self._normals @ to_sun, self._sun)
+        turn_to(self._grid.sun, *to_sun)
+        return _Light(self.surface, self._albedo, self._normals, self._normals @ to_sun, self._grid.sun)
 
     def _draw_grid(
         self,
@@ -299,20 +334,33 @@ class ShadedBody:
         pixel_from_C = np.array(
             [
                 [scale, 0.0, -scale * corner[0]],
-                [0.0, -scale, self._canvas.row_span.shape[0] + scale * corner[1]],
+                [0.0, -scale, self._grid.canvas.row_span.shape[0] + scale * corner[1]],
                 [0.0, 0.0, 1.0],
             ]
         )
         view = View(np.array(pose.r_A, np.float64), pixel_from_C @ pose.C_CA, NEAREST * self._extent)
-        draw_faces(self._mesh, view, self._canvas)
+        draw_faces(self._mesh, view, self._grid.canvas)
         box = np.empty(4)
-        self._clear[:] = False
-        if not (_mark_seen(self._mesh, self._canvas, light, self._seen, box) and shadows):
-            return (view, places) if self._seen.any() else (None, places)
-        frame(self._sun, box[0], box[1], box[2], box[3])
-        draw_from_sun(self._mesh, self._sun)
-        find_clear(self._mesh, self._sun.canvas, self._seen, self._clear)
-        return view, places
+        if _mark_seen(self._mesh, self._grid.canvas, light, self._seen, box) and shadows:
+            self._draw_sun_map(box)
+        return (view, places) if self._seen.any() else (None, places)
+
+    def _draw_sun_map(self, box: Array) -> None:
+        """Draw what may shade a box across the Sun's direction [m].
+
+        Of all the body where the box is `WHOLE` of it or more: that serves all tiles, and all pictures in the same light.
+        """
+        grid = self._grid
+        direction = grid.sun.axes[2].tobytes()
+        across = self._mesh.vertices @ grid.sun.axes[:2].T
+        low, high = across.min(axis=0), across.max(axis=0)
+        whole = max(box[2] - box[0], box[3] - box[1]) >= WHOLE * (high - low).max()
+        if whole and grid.whole == direction:
+            return
+        grid.whole = direction if whole else None
+        frame(grid.sun, *((*low, *high) if whole else box))
+        draw_from_sun(self._mesh, grid.sun)
+        find_clear(self._mesh, grid.sun.canvas, self._all if whole else self._seen, grid.clear)
 
     def _draw_tile(
         self, lens: Lens, pose: CameraPose, light: _Light, tile: tuple[int, int, int, int], along: int, out: Array32
@@ -321,20 +369,22 @@ class ShadedBody:
         view, places = self._draw_grid(lens, pose, light, tile, along, margin=margin)
         if view is None:
             return
-        _prepare(self._mesh, view, self._canvas, light, self._seen, self._planes, True)
+        canvas, clear = self._grid.canvas, self._grid.clear
+        _prepare(self._mesh, view, canvas, light, self._seen, self._planes, True)
         if lens.is_distorted:
-            _shade_bent(self._mesh, self._canvas, light, self._planes, self._clear, places, tile, along, out)
+            _shade_bent(self._mesh, canvas, light, self._planes, clear, places, tile, along, out)
         else:
-            _shade(self._mesh, self._canvas, light, self._planes, self._clear, tile, along, out)
+            _shade(self._mesh, canvas, light, self._planes, clear, tile, along, out)
             _part_at_edges(
                 self._mesh,
                 self._edges,
                 self._outermost,
-                self._canvas,
+                self._front,
+                canvas,
                 light,
                 self._seen,
                 self._planes,
-                self._clear,
+                clear,
                 tile,
                 along,
                 out,
@@ -547,6 +597,7 @@ def _part_at_edges(
     mesh: Mesh,
     edges: Ints32,
     outermost: Array32,
+    front: Mask,
     canvas: Canvas,
     light: _Light,
     seen: Mask,
@@ -560,17 +611,17 @@ def _part_at_edges(
 
     Along rows where it is steep, along columns where it is flat. Where the sky begins, that counts of the outlines on the way
     which is the outermost. It is looked for first: `outermost` is scratch, 0 before and after, for how far out it is, along
-    rows and along columns, shape (2, size^2).
+    rows and along columns, shape (2, size^2); `front` is scratch, for which faces turn their outer side to the camera.
     """
     size, share, at, picture = canvas.row_span.shape[0], 1.0 / along**2, canvas.projected, canvas.picture
+    for f in range(len(front)):
+        front[f] = _is_front(mesh, at, f)
     for turn in range(3):
         for e in range(edges.shape[0]):
             a, b, f, g = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
-            if at[a, 2] <= 0.0 or at[b, 2] <= 0.0:
-                continue
-            front, back = _is_front(mesh, at, f), g >= 0 and _is_front(mesh, at, g)
-            rim = front != back
-            if not (rim or (front and turn == 1)):
+            ahead, behind = front[f], g >= 0 and front[g]
+            rim = ahead != behind
+            if not (rim or (ahead and turn == 1)) or at[a, 2] <= 0.0 or at[b, 2] <= 0.0:
                 continue
             flat = abs(at[b, 1] - at[a, 1]) < abs(at[b, 0] - at[a, 0])
             for down in (False, True):
@@ -585,7 +636,7 @@ def _part_at_edges(
                 # Face f is on the left of the way from a to b: whether that is the side of smaller numbers.
                 first_f = (rise > 0.0) != down
                 one, other = (f + 1, g + 1) if first_f else (g + 1, f + 1)
-                sees_one = front if first_f else back
+                sees_one = ahead if first_f else behind
                 for line in range(max(int(ceil(low - 0.5)), 0), min(int(ceil(high - 0.5)), size)):
                     place = at[a, i] + (line + 0.5 - at[a, j]) * (run / rise)
                     k = int(floor(place - 0.5))
@@ -609,7 +660,7 @@ def _part_at_edges(
                             outermost[j, before] = np.float32(0.0)
                         if turn != 1 or outward != outermost[j, before]:
                             continue
-                        number = f + 1 if front else g + 1
+                        number = f + 1 if ahead else g + 1
                         number = number if seen[number - 1] else np.int64(max(p, q))
                         gained = side * _value_at(
                             mesh, light, planes, clear, number, mid if down else place, place if down else mid

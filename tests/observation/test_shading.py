@@ -176,3 +176,19 @@ def test_faces_have_their_own_albedo_and_vertices_may_move(scene):
     half.move(vertices + [0.0, 0.0, 400.0])
     moved = look_at(pose.r_A + [0.0, 0.0, 400.0], [500.0, 300.0, 500.0], roll=0.4)
     assert np.allclose(half.draw(lens, moved, SUN), 0.5 * plain.draw(lens, pose, SUN), atol=2e-3)
+
+
+def test_shadows_that_are_kept_are_those_of_the_light_and_the_place(scene):
+    vertices, faces, lens, pose = scene
+
+    def fresh(places, camera, sun):
+        return ShadedBody(places, faces, HAPKE).draw(lens, camera, sun)
+
+    body, other = ShadedBody(vertices, faces, HAPKE), np.array([-0.2, 1.0, -0.9])
+    near = look_at([1600.0, 1700.0, 250.0], [1500.0, 700.0, 300.0])
+    for camera, sun in ((pose, SUN), (pose, other), (near, SUN), (pose, SUN)):
+        assert np.array_equal(body.draw(lens, camera, sun), fresh(vertices, camera, sun))
+        body.depths(lens, camera)
+    squeezed = vertices * [1.0, 1.0, 0.4]
+    body.move(squeezed)
+    assert np.array_equal(body.draw(lens, pose, SUN), fresh(squeezed, pose, SUN))
