@@ -108,14 +108,16 @@ def flight(rng: np.random.Generator, case: Case, steps: int = 8, dt: float = 120
 
 
 def row_of(case: str, count: int) -> str:
-    """A row of the table: so many flights of a case."""
+    """A row of the table: so many flights of a case, and how many err more than right ones do in one of a hundred."""
     rng = np.random.default_rng(7)
     nees, nis, innovations = (
-        sum(column) for column in zip(*(flight(rng, CASES[case]) for _ in range(count)), strict=True)
+        np.array(column) for column in zip(*(flight(rng, CASES[case]) for _ in range(count)), strict=True)
     )
+    beyond = 100.0 * float((nees > chi2.ppf(0.99, 12)).mean())
 
     def shown(total: float, dof: int) -> str:
         low, high = chi2.ppf([0.025, 0.975], dof) / dof
         return f"{total / dof:.3f} ({low:.3f} to {high:.3f})"
 
-    return f"| {case} | {count:,} | {shown(nees, 12 * count)} | {shown(nis, int(innovations))} |"
+    told = shown(nees.sum(), 12 * count), shown(nis.sum(), int(innovations.sum()))
+    return f"| {case} | {count:,} | {told[0]} | {beyond:.1f} % | {told[1]} |"

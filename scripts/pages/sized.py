@@ -20,6 +20,8 @@ from swarm_mj.scenarios.schema_photometry import Photometry
 PAGE = RESULTS / "sized.md"
 #: Its pictures and stations; all else is given here.
 SCENARIO = "bennu-slow"
+#: Of a white Lambert body, what is seen is so bright [-].
+ALBEDO = 0.15
 
 
 class Built(NamedTuple):
@@ -185,7 +187,7 @@ def sized(one: Built) -> Spacecraft | Refusal:
         altitude_m=one.altitude_m,
         sun_m=one.sun_au * AU,
         earth_m=one.earth_au * AU,
-        surface=surface_of(Photometry(law="lambert", albedo=0.15)),
+        surface=surface_of(Photometry(law="lambert", albedo=ALBEDO)),
         interval_s=10.0,
     )
     size = SIZES[one.units]
@@ -209,6 +211,25 @@ def _row(one: Built) -> str:
     )
 
 
+def _asked(one: Built) -> str:
+    """What it had to do, key by key."""
+    flat = {
+        f"{key}.{inner}" if inner else key: each
+        for key, value in one.asked.items()
+        for inner, each in (value.items() if isinstance(value, dict) else [("", value)])
+    }
+    told = [
+        f"`{key}` {', '.join(map(str, value)) if isinstance(value, list) else value}" for key, value in flat.items()
+    ]
+    told += [f"a detector of the class {one.detector}", f"from {one.altitude_m / 1e3:,g} km at {one.speed:,g} m/s"]
+    return ", ".join(told) + f", albedo {ALBEDO:g}"
+
+
+def _chosen(found: Spacecraft) -> str:
+    by = "" if found.propulsion is None else f", {found.propulsion.name}"
+    return f"{found.wheels.name}, {found.link.radio}{by}"
+
+
 def main() -> None:
     """Write the page."""
     within = [
@@ -221,8 +242,9 @@ def main() -> None:
         "# Sized and built",
         "",
         "What the spacecraft designer makes of what other spacecraft had to do, by `python -m scripts.pages.sized`: their",
-        "size, thrusters, instruments, pixel, distances and contacts, as far as their sources tell; the rest by default,",
-        "margins included. It looks for the lightest that does it.",
+        "size, thrusters, instruments, pixel, distances and contacts, as far as their sources tell; where they do not, what is",
+        "asked for is assumed. All of it stands below; the rest is by default, margins included but for that of slants",
+        "(`margins.relief` is 1: pixels are those of a passage straight above). It looks for the lightest that does it.",
         "",
         f"Within 15 % of the mass: {names}, of {len(BUILT)}. **Take the masses as lower bounds**: what is built carries what",
         "no key asks for, as named below. These five are no independent check of the whole catalogue: after a first",
@@ -238,7 +260,8 @@ def main() -> None:
     for one in BUILT:
         found = sized(one)
         words = f" Refused: {found.words}." if isinstance(found, Refusal) else ""
-        lines += [f"**{one.name}.** {one.why}{words} Source: {one.source}.", ""]
+        chosen = "" if isinstance(found, Refusal) else f" It took {_chosen(found)}."
+        lines += [f"**{one.name}.** {one.why}{words}{chosen} Source: {one.source}. Asked: {_asked(one)}.", ""]
     write_text(PAGE, "\n".join(lines))
 
 

@@ -22,14 +22,15 @@ from swarm_mj.designer.deadline import HOUR, Arrival, DeadlineSearch, fly_design
 from swarm_mj.designer.exact import ExactResult, Waiting, solve_budget, solve_exact, without_proof
 from swarm_mj.designer.problem import CoverProblem, DesignProblem
 from swarm_mj.designer.robust import Level, RobustSearch, losses_of, robust_search
-from swarm_mj.errors import MissionError, ScenarioError
+from swarm_mj.errors import MissionError, ScenarioError, TooFewObserversError
 from swarm_mj.io.interruption import held
 from swarm_mj.io.workers import Runner
+from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.coverage import Cause
 from swarm_mj.scenarios.itinerary import target_name
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import ExtraTarget, Scenario, Target
-from swarm_mj.typing import Ints
+from swarm_mj.typing import Ints, Mask
 
 if TYPE_CHECKING:  # they load pymoo, which a study that is read back does not need
     from swarm_mj.designer.genetic import GeneticResult, Operators
@@ -41,6 +42,8 @@ Tell = Callable[[str, float], None]
 
 #: Of the two sets of operators: repaired and pruned designs, and plain crossover and mutation as in the paper.
 OPERATORS = ("repair", "plain")
+#: Share of the time limit after which what candidates could see at most is not asked about any longer.
+REACH_SHARE = 0.1
 #: Probabilities whose cost in spacecraft is told beside that of the scenario.
 CERTAINTIES = (0.5, 0.9, 0.95, 0.99)
 
@@ -180,7 +183,12 @@ def cover_problem(scenario: Scenario, seen: Visibility) -> DesignProblem:
 
 
 def study_design(
-    scenario: Scenario, *, pareto: bool = False, workers: int | Runner | None = None, tell: Tell | None = None
+    scenario: Scenario,
+    *,
+    pareto: bool = False,
+    workers: int | Runner | None = None,
+    tell: Tell | None = None,
+    at_most: int | None = None,
 ) -> Study:
     """Solve a scenario's design problem both ways.
 
@@ -189,6 +197,8 @@ def study_design(
         pareto: Whether to trade spacecraft against delta-v and area too.
         workers: See `visibility`.
         tell: Told how far each stage is.
+        at_most: Designs of more spacecraft than these are of no use; None: `designer.max_observers`. Where it takes more even
+            of what candidates could see at most, if the body hid nothing, that is told before their pictures are judged.
 
     Returns:
         The answers. Where an interruption (KeyboardInterrupt) comes when a design can already be had, the best one so far; its
@@ -196,13 +206,18 @@ def study_design(
 
     Raises:
         MissionError: No design covers the target; the message says how much can be seen.
+        TooFewObserversError: More spacecraft are needed.
         KeyboardInterrupt: An interruption came before there was any design.
     """
+    reached = None
+    if at_most is not None and at_most < scenario.designer.max_observers:
+        scenario = load_scenario(scenario, {"designer.max_observers": at_most})
+        reached = partial(_require_few, scenario)
     clock = _Clock(tell)
     if scenario.designer.probability is not None:
         losses_of(scenario)  # what cannot be priced is refused before anything is flown
     with clock.stage("candidates", "candidates' flights", "candidates' pictures") as (flying, judging):
-        seen = visibility(scenario, workers=workers, progress=judging, flying=flying, costs=pareto)
+        seen = visibility(scenario, workers=workers, progress=judging, flying=flying, costs=pareto, reached=reached)
     work = _Work(scenario, seen, cover_problem(scenario, seen), clock)
     if seen.unjudged:
         clock.interrupted = "candidates' pictures"
@@ -217,6 +232,28 @@ def study_design(
                 raise
             raise MissionError(f"{error}; {daylight_text(scenario, seen.region)}") from None
     return work.study()
+
+
+def _require_few(scenario: Scenario, reach: Mask, region: TargetRegion) -> None:
+    """Refuse what needs too many spacecraft even of what candidates could see at most.
+
+    Raises:
+        TooFewObserversError: It does.
+    """
+    designer = scenario.designer
+    problem = CoverProblem(
+        sees=reach,
+        area=region.weighted_area,
+        tolerance_percent=designer.tolerance_percent,
+        max_observers=designer.max_observers,
+        fold=designer.fold if scenario.designed_class is None else 1,
+    )
+    try:
+        solve_exact(problem, REACH_SHARE * designer.time_limit_s)
+    except TooFewObserversError:
+        raise
+    except MissionError:  # what pictures tell of that says why
+        return
 
 
 class _Work:

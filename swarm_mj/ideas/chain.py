@@ -372,6 +372,11 @@ class _Search:
         """Of a swarm of so many observers, and those that only communicate [kg]."""
         return (observers + self.seen.idle) * one.mass_kg
 
+    def lighter(self, rank: int, one: Spacecraft, observers: int, allowed: float) -> bool:
+        """Whether a swarm of so many observers would be lighter than the best so far, and not heavier than is allowed [kg]."""
+        weight = self.weight(one, observers)
+        return weight <= allowed and (self.best is None or (weight, rank) < self.best[:2])
+
     def begin(self, built: Sequence[Spacecraft]) -> None:
         """Fly the known study's swarm: what is not lighter need not be designed."""
         if self.known is None:
@@ -393,7 +398,7 @@ class _Search:
             return
         if limits.swarm_u is not None and room > limits.swarm_u:
             words = f"{least} or more take up {room} U, {limits.swarm_u:g} U are allowed"
-        elif bound > allowed or (self.best is not None and (bound, rank) >= self.best[:2]):
+        elif not self.lighter(rank, one, least, allowed):
             words = f"{least} or more would weigh {bound:.3g} kg, {self._no_less_than(allowed)}"
         else:
             self._design(rank, one, bound, allowed)
@@ -406,22 +411,32 @@ class _Search:
 
     def _design(self, rank: int, one: Spacecraft, bound: float, allowed: float) -> None:
         self.tell(f"{one.name}, {one.mass_kg:.3g} kg each: how many are needed?")
+        most, limits = self.least(one), self.asked.limits
+        while most < limits.spacecraft and self.lighter(rank, one, most + 1, allowed):
+            most += 1
         study, words, needed = _design(
             self.asked,
             one,
+            most,
             self.workers,
             lambda stage, share: self.tell(f"{one.name}, {one.mass_kg:.3g} kg each: {stage}, {100 * share:.0f} %"),
         )
+        if study is None and needed and most < limits.spacecraft:
+            weight = self.weight(one, needed)
+            words = (
+                f"{needed} or more are needed, proven, and would weigh {weight:.3g} kg, {self._no_less_than(allowed)}"
+            )
+            self.tried.append(Tried(one.name, one.mass_kg, bound, None, words, proven=needed))
+            return
         if study is None:
             self.tried.append(Tried(one.name, one.mass_kg, bound, None, f"swarm: {words}"))
             if needed:
-                limits = self.asked.limits
                 check = Check("observers", limits.spacecraft, needed, False, "", "as designed")
                 self.near.append(("limits.spacecraft", check, self.tried[-1]))
             return
         proven, n = ceil(study.exact.bound - 1e-6), len(study.selected)
         weight = self.weight(one, n)
-        if weight > allowed or (self.best is not None and (weight, rank) >= self.best[:2]):
+        if not self.lighter(rank, one, n, allowed):
             words = f"{n} observers, {words}, weigh {weight:.3g} kg, {self._no_less_than(allowed)}"
             self.tried.append(Tried(one.name, one.mass_kg, bound, None, words, proven=proven))
             return
@@ -488,11 +503,16 @@ def _designed(design: dict[str, Any]) -> dict[str, Any]:
 
 
 def _design(
-    asked: Requirement, one: Spacecraft, workers: int | None, tell: Tell
+    asked: Requirement, one: Spacecraft, most: int, workers: int | None, tell: Tell
 ) -> tuple[DesignStudy | None, str, int]:
-    """The swarm designer's answer for a kind of spacecraft, None where it refuses; its words; how many observers it lacks."""
+    """The swarm designer's answer for a kind of spacecraft, of use if it has no more observers than `most`.
+
+    Returns:
+        None where it refuses; its words; how many observers are needed at the least, 0: that is not what it refuses for.
+    """
+    scenario = load_scenario(asked.scenario, one.changes(asked))
     try:
-        study = study_design(load_scenario(asked.scenario, one.changes(asked)), workers=workers, tell=tell)
+        study = study_design(scenario, workers=workers, tell=tell, at_most=most)
     except TooFewObserversError as error:
         return None, str(error).replace("max_observers", "limits.spacecraft"), error.needed
     except MissionError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -27,6 +27,8 @@ SET_BY = {
     "data.horizon_s": "deliver_within_h",
     "design.imaging_altitude_m": "limits.altitudes_m",
 }
+#: Keys of the scenario that are chosen, and by which designer.
+DESIGNED = {"design.visiting_points": "swarm", "design.observers": "swarm", "link.earth.radio": "spacecraft"}
 #: What may differ between requirements of which one is no harder to see than the other.
 NOT_OF_KINDS = ("name", "resolution_m", "share_percent", "flights", "nearest", "sobol")
 
@@ -196,17 +198,15 @@ class Requirement(Section):
 
     @model_validator(mode="after")
     def _changes_leave_what_follows(self) -> Self:
-        given = [
-            f"{key}.{inner}" if inner else key
-            for key, value in self.changes.items()
-            for inner in (value if isinstance(value, dict) else [""])
-        ]
+        given = [inner for key, value in self.changes.items() for inner in _keys_within(key, value)]
         set_by = SET_BY if self.network is None else {**SET_BY, "link.ground.network": "network"}
         for key in given:
             if key.split(".")[0] in ("camera", "spacecraft"):
                 raise ValueError(f"changes: {key}: is what is sized; must be a key of another section")
             if own := next((own for name, own in set_by.items() if (key + ".").startswith(name + ".")), None):
                 raise ValueError(f"changes: {key}: follows from {own} of the requirement; must be given there")
+            if by := next((by for name, by in DESIGNED.items() if (key + ".").startswith(name + ".")), None):
+                raise ValueError(f"changes: {key}: is chosen by the {by} designer; must not be given")
         return self
 
     @property
@@ -267,6 +267,15 @@ class Requirement(Section):
         """
         alike = self.model_copy(update={key: getattr(other, key) for key in NOT_OF_KINDS}) == other
         return alike and self.resolution_m >= other.resolution_m and self.share_percent <= other.share_percent
+
+
+def _keys_within(key: str, value: Any) -> Iterator[str]:
+    """Dotted keys of what a change gives, sections within sections opened."""
+    if isinstance(value, Mapping) and value:
+        for inner, each in value.items():
+            yield from _keys_within(f"{key}.{inner}", each)
+    else:
+        yield key
 
 
 def load_requirement(source: str | Path | dict[str, Any]) -> Requirement:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from swarm_mj.navigation.centroid import measure_centroid
-from swarm_mj.navigation.landmarks import measure_landmarks
+from swarm_mj.navigation.landmarks import FLOOR, measure_landmarks
 from swarm_mj.navigation.limb import measure_limb
 from swarm_mj.navigation.picture import Fix, Predictor, Rejected, SeenPicture
 from swarm_mj.scenarios.schema_navigation import OpticalNavigation
@@ -41,7 +41,8 @@ def measure(seen: SeenPicture, predictor: Predictor, asked: OpticalNavigation, p
             depth = max(float(np.linalg.norm(seen.pose.r_A)) - predictor.radius, 0.1 * predictor.radius)
             sigma_px = position_sigma * seen.lens.focal_px / depth
             search = max(SEARCH_PX, SEARCH_SIGMAS * sigma_px)
-            found = measure_landmarks(seen, predictor, search_px=search, floor_px=asked.landmark_model_px)
+            floor = float(np.hypot(FLOOR, asked.landmark_model_px))
+            found = measure_landmarks(seen, predictor, search_px=search, floor_px=floor)
         if isinstance(found, Fix):
             return found
         refused.append(found)

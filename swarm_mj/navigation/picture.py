@@ -26,7 +26,8 @@ MARGIN_SIGMAS, MARGIN_PX = 5.0, 3
 #: A pixel so many sigmas of the background above it, the four beside which are as dark as the sky, is hot.
 HOT = 8.0
 #: Samples along a pixel of predicted pictures, and of those that are taken and held against them, at least: on other places,
-#: lest the errors of both are the same.
+#: lest the errors of both are the same. Of bodies so small that more fit (`GRID` over their pixels, below some 170) both have
+#: the same, and what these miss of shadows is the same in both.
 FEWEST_SAMPLES, TAKEN_SAMPLES = 4, 6
 #: What is left of an edge's error by samples, where pixels that the mesh parts are drawn as it parts them, and where the lens
 #: bends and they are not: chosen so that errors of limbs are those that are said, in the mean of a sphere, Eros, Bennu and a
@@ -143,7 +144,7 @@ class Prediction(NamedTuple):
 
     Attributes:
         signal: [electrons].
-        depth: Under each pixel [m], 0 for the sky; None where it was not asked for.
+        depth: Under each pixel, Z in C [m], 0 for the sky; None where it was not asked for.
     """
 
     signal: Array

@@ -3,7 +3,8 @@
 A picture is a map of radiance factors I/F (see `photometry`), averaged over the area of each pixel. What is drawn:
 
 1. Face numbers of a grid of samples, several along each pixel, by the rasteriser. Small bodies get more of them, up to `MOST`
-   along a pixel, so that a body of five pixels is as well sampled as one that fills the picture.
+   along a pixel, and where the lens spreads them first, `PART_SAMPLES` times `PARTS`, so that a body of five pixels is as well
+   sampled as one that fills the picture.
 2. The same from the Sun, over what of the body the picture shows, see `shadows`.
 3. For each sample the point where its line of sight meets the plane of its face, in double precision, and whether it lies in
    shadow.
@@ -12,7 +13,8 @@ A picture is a map of radiance factors I/F (see `photometry`), averaged over the
    columns where it is flat. What samples leave then is left at shadows alone. Not where the lens bends.
 
 Faces are flat and as bright as their law says at their own incidence and emission. The Sun is a point: what its disc would
-soften is less than a pixel wherever a shadow is cast from less than a hundred pixels away. Faces send no light to each other.
+soften is less than a pixel wherever a shadow is cast from less than a hundred pixels away, under a high Sun. Faces send no light
+to each other.
 """
 
 from __future__ import annotations
@@ -55,8 +57,8 @@ BENT = 8
 SMALL_PX, PARTS, PART_SAMPLES = 32, (4, 64), 4
 #: Places along a side of the map from the Sun, and of that for the smaller grid.
 SUN_GRID, SMALL_SUN_GRID = 1280, 640
-#: Share of the body's extent across the Sun's direction from which on that map shows all of it: a quarter of its places are
-#: lost at most.
+#: Share of the body's extent across the Sun's direction from which on that map shows all of it: of its places along a side a
+#: quarter is lost at most.
 WHOLE = 0.75
 
 
@@ -65,7 +67,7 @@ class Labels(NamedTuple):
 
     Attributes:
         face: Number of the face, -1 for the sky.
-        depth: Distance along the line of sight [m], 0 for the sky.
+        depth: Distance along the axis of the camera, Z in C [m], 0 for the sky.
         normal: Outward unit normal in A, shape (height, width, 3), 0 for the sky.
         incidence: Angle between normal and Sun [deg], NaN for the sky.
         emission: Angle between normal and camera [deg], NaN for the sky.
@@ -218,7 +220,7 @@ class ShadedBody:
         return drawn
 
     def depths(self, lens: Lens, pose: CameraPose) -> Array:
-        """Distance along the line of sight through the centre of each pixel [m], 0 for the sky; args as of `draw`."""
+        """Distance along the axis of the camera under the centre of each pixel, Z in C [m], 0 for the sky; args as of `draw`."""
         return self._under_centres(lens, pose, -pose.C_CA[2], shadows=False)[1]
 
     def labels(self, lens: Lens, pose: CameraPose, sun_A: Array) -> Labels:
@@ -459,8 +461,8 @@ def _prepare(mesh: Mesh, view: View, canvas: Canvas, light: _Light, seen: Mask, 
     """Write what is needed of each face that is seen, for a sample at a column and a row of the grid; without shadows 3 to 5.
 
     - 0 to 2: its radiance factor at (0, 0), and how that grows along columns and rows;
-    - 3 to 5: the same of q, the sine of the angle between line of sight and face over the camera's height above the face, so
-      that 1 / q is the distance along the line of sight [m];
+    - 3 to 5: the same of q, by how much the height above the face's plane falls along the line of sight where that goes on by
+      1 along the camera's axis, over the camera's height; so that 1 / q is the distance along that axis, Z in C [m];
     - 6 to 8: the same of the column on the map from the Sun, times q; 9 to 11: of its row.
     """
     s, r, grid, axes = light.sun.axes[2], view.r_A, light.sun.grid, light.sun.axes

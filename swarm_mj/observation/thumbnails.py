@@ -36,7 +36,7 @@ class Thumbnails(NamedTuple):
     Attributes:
         grey: Radiance factor, 0 where the light does not shine and in the sky, shape (P, S, S).
         mask: Whether the face is one of those marked, shape (P, S, S).
-        depth: Distance along the line of sight [m], 0 in the sky, shape (P, S, S).
+        depth: Distance along the axis of the camera, Z in C [m], 0 in the sky, shape (P, S, S).
     """
 
     grey: Array32

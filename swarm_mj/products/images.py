@@ -29,7 +29,7 @@ FORMATS: Final = ("png", "fits")
 #: Labels of a pixel: type, unit and meaning, in the order of their arrays.
 LABELS: Final[dict[str, tuple[str, str, str]]] = {
     "face": ("int32", "1", "number of the face of the body's mesh, -1: sky"),
-    "depth": ("float32", "m", "distance along the line of sight, 0: sky"),
+    "depth": ("float32", "m", "distance along the axis of the camera, Z in C, 0: sky"),
     "normal": ("float32", "1", "outward unit normal in A, three components, 0: sky"),
     "incidence": ("float32", "deg", "angle between normal and Sun, NaN: sky"),
     "emission": ("float32", "deg", "angle between normal and camera, NaN: sky"),

@@ -9,10 +9,12 @@ import pytest
 
 from swarm_mj.cli.main import main
 from swarm_mj.cli.tables import design_table
+from swarm_mj.designer.candidates.pictures import Judge
 from swarm_mj.designer.candidates.visibility import flight_variants
 from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.designer.study import extensions, growth, study_design
+from swarm_mj.errors import TooFewObserversError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
@@ -175,6 +177,16 @@ def test_the_packaged_design_is_still_a_proven_minimum_of_five():
     assert study.exact.n_observers == 5
     assert study.exact.status == "optimal"
     assert study.problem.covered_percent(design_section("eros-visit")["visiting_points"]) >= 99.9
+
+
+def test_what_could_be_seen_at_most_refuses_before_pictures_are_judged(monkeypatch):
+    scenario = load_scenario("eros-quick", parse_overrides(FAST))
+    fewest = study_design(scenario).exact.n_observers
+    assert study_design(scenario, at_most=fewest).exact.n_observers == fewest > 2
+    monkeypatch.setattr(Judge, "seen", None)
+    with pytest.raises(TooFewObserversError) as refused:
+        study_design(scenario, at_most=1)
+    assert 1 < refused.value.needed <= fewest
 
 
 def test_the_literal_reading_needs_one():

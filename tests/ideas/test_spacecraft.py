@@ -350,6 +350,12 @@ def test_pixels_do_not_overflow_and_lenses_can_be_made():
         ({"changes": {"observation.max_gsd_m": 3}}, r"observation.max_gsd_m: follows from resolution_m"),
         ({"changes": {"designer": {"max_observers": 3}}}, r"designer.max_observers: follows from limits.spacecraft"),
         ({"changes": {"camera.half_angle_deg": 3}}, r"camera.half_angle_deg: is what is sized"),
+        ({"changes": {"link.earth.radio": "dish_30cm"}}, r"link.earth.radio: is chosen by the spacecraft designer"),
+        ({"changes": {"design": {"visiting_points": [1]}}}, r"design.visiting_points: is chosen by the swarm designer"),
+        (
+            {"network": "dsn", "changes": {"link": {"ground": {"network": "estrack"}}}},
+            r"link.ground.network: follows from network",
+        ),
     ],
 )
 def test_wrong_requirements_are_told_with_the_keys_of_requirements(given, words):

@@ -11,7 +11,7 @@ neither on the number of processes nor on what is kept on disk.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import partial
@@ -180,6 +180,7 @@ def visibility(
     progress: Progress | None = None,
     flying: Progress | None = None,
     costs: bool = False,
+    reached: Callable[[Mask, TargetRegion], None] | None = None,
 ) -> Visibility:
     """Fly every candidate and judge its pictures.
 
@@ -193,6 +194,8 @@ def visibility(
         flying: Called with the share of the flights done, 0 to 1.
         costs: Whether a candidate of more delta-v may not stand in for one of less; one beyond the deployer never does for one
             that it can release.
+        reached: Given what each candidate could see at most if the body hid nothing, shape (n, cells), and the targets, before
+            pictures are judged; what it raises is raised.
 
     Returns:
         What they see. Where an interruption (KeyboardInterrupt) comes after the first candidates are judged: what these see,
@@ -208,7 +211,7 @@ def visibility(
     beyond = np.concatenate([flights.beyond for _, _, flights in flown])
     found = _Sightings(len(candidates), region, progress)
     try:
-        _judge(scenario, flown, found, workers, delta_v if costs else beyond.astype(np.float64))
+        _judge(scenario, flown, found, workers, delta_v if costs else beyond.astype(np.float64), reached)
     except KeyboardInterrupt:
         if not found.judged.any():
             raise
@@ -341,7 +344,14 @@ class _Sightings:
             self.progress((before + done) / len(self.judged))
 
 
-def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | Runner | None, cost: Array) -> None:
+def _judge(
+    scenario: Scenario,
+    flown: Flown,
+    found: _Sightings,
+    workers: int | Runner | None,
+    cost: Array,
+    reached: Callable[[Mask, TargetRegion], None] | None,
+) -> None:
     """Judge all candidates, or with many all that need be."""
     watchers = [Watcher(flights, j) for _, _, flights in flown for j in range(flights.n)]
     designer = scenario.designer
@@ -350,12 +360,16 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | R
         if (quality_class := scenario.designed_class) is not None:
             judge.keep_looks(scenario, quality_class)
         asked = (designer.deliver_within_h, designer.probability, quality_class)
+        thinned = len(watchers) >= designer.thin_from and all(one is None for one in asked)
         try:
-            if len(watchers) < designer.thin_from or any(one is not None for one in asked):
-                found.judge(judge, watchers, np.arange(len(watchers)))
-            else:
+            if thinned or reached is not None:
                 found.tell(0, 0.0)  # the flights are done
                 reach = np.stack([judge.could_see(watcher) for watcher in watchers])
+                if reached is not None:
+                    reached(reach, found.region)
+            if not thinned:
+                found.judge(judge, watchers, np.arange(len(watchers)))
+            else:
                 thinning = Thinning(reach, found.sees, fold=designer.fold, cost=cost)
                 found.stand_in = thinning.stand_in
                 for wave in thinning.waves():
