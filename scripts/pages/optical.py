@@ -112,12 +112,11 @@ Written by `python -m scripts.pages.optical --pictures {count}`. How it works: [
 
 {count} pictures a row, of 512 x 512 pixels and 20 deg, by the detector `cubesat`, at phases of 0 to 120 deg, from believed
 positions that err by 0.1 % of the distance in each component. Pictures have {taken} samples along a pixel at least, as in
-flights, the predictions they are held against {predicted}; of bodies below some 170 pixels both have more, and the same. Attitudes
-are exact. The model is the body itself: what a shape, an
-albedo or a law that is not quite the body's adds is `centroid_model`, `limb_model_px` and `landmark_model_px` of flights, and
-left out here. *Diameter* is that of the sphere about the body. *chi-square* is the sum of the squared errors over the covariances
-that measurements say, a component; in brackets where 95 % of right ones lie. Above it, measurements promise too much;
-below, too little. *Worst picture* is that of a single one.
+flights, the predictions they are held against {predicted}; of bodies below some 170 pixels both have more, and the same.
+Attitudes are exact. The model is the body itself: what a shape, an albedo or a law that is not quite the body's adds is
+`centroid_model`, `limb_model_px` and `landmark_model_px` of flights, and left out here. *Diameter* is that of the sphere about
+the body. *chi-square* is the sum of the squared errors over the covariances that measurements say, a component; in brackets
+where 95 % of right ones lie. Above it, measurements promise too much; below, too little. *Worst picture* is that of a single one.
 
 | body | way | diameter [px] | used | median across [px] | of distance | chi-square | worst picture | time [ms] | why not |
 |---|---|---|---|---|---|---|---|---|---|
@@ -130,9 +129,9 @@ landmarks by an error of their own of {floor} px, horizons by {edge} px and more
 
 ## Filter
 
-{filtered} short flights of two spacecraft past a body, from 31 km to 10 km, of the filter alone: measurements are drawn, and err
-by what the filter is told (`scripts/pages/filter_flights.py`). NEES and NIS are the squared errors of the estimates at the end
-and of the innovations over what the filter says of them, a component; in brackets where 95 % of right ones lie. *Far off* are
+{filtered} short flights of two spacecraft past a body, from 31 km to 10 km, of the filter alone: measurements are drawn, and
+err by what the filter is told (`scripts/pages/filter_flights.py`). NEES and NIS are the squared errors of the estimates at the
+end and of the innovations over what the filter says of them, a component; in brackets where 95 % of right ones lie. *Far off* are
 estimates whose squared error is beyond what one in a hundred right ones exceeds. Ranges known to 1 m between places known much
 worse are not linear: they are believed less, by which innovations come out smaller than said. Of near spacecraft that is not
 enough: most estimates err as said, a few per cent by far more.
@@ -147,9 +146,9 @@ One flight of each packaged scenario with perfect knowledge, and one by pictures
 scenario's seed. P_TO by the scenario's criterion and over the whole passage; delivered where the scenario says how. Errors,
 3 sigma and NEES are each the largest of all observers at their arrivals, not of the same one. NEES is the squared error
 over the covariance, a component: of one spacecraft right ones stay below 2.6 in 95 of 100 flights. NIS is the same of all
-innovations of a flight together: below 1, since covariances allow for errors of the body's model that are not there. *Aim* is by how much the direction to the body was wrong. Sensors are the
-scenario's. *Time* is over that of the plain flight. `eros-config1` and `eros-config2` are the same paths with the same
-camera.
+innovations of a flight together: below 1, since covariances allow for errors of the body's model that are not there. *Aim* is
+by how much the direction to the body was wrong. Sensors are the scenario's. *Time* is over that of the plain flight.
+`eros-config1` and `eros-config2` are the same paths with the same camera.
 
 Shape, law, GM and pole of the body are known exactly in these flights, but for the one with a model of fewer faces, whose
 covariances allow for nothing more than the defaults: what a wrong shape is off by stays from picture to picture, where the

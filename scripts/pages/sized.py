@@ -218,11 +218,15 @@ def _asked(one: Built) -> str:
         for key, value in one.asked.items()
         for inner, each in (value.items() if isinstance(value, dict) else [("", value)])
     }
-    told = [
-        f"`{key}` {', '.join(map(str, value)) if isinstance(value, list) else value}" for key, value in flat.items()
-    ]
+    told = [f"`{key}` {_shown(value)}" for key, value in flat.items()]
     told += [f"a detector of the class {one.detector}", f"from {one.altitude_m / 1e3:,g} km at {one.speed:,g} m/s"]
     return ", ".join(told) + f", albedo {ALBEDO:g}"
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(map(_shown, value))
+    return value if isinstance(value, str) else f"{value:g}"
 
 
 def _chosen(found: Spacecraft) -> str:

@@ -12,9 +12,9 @@ A picture is a map of radiance factors I/F (see `photometry`), averaged over the
 5. Between two samples that an edge of the mesh parts, their areas as the edge parts them: along rows where it is steep, along
    columns where it is flat. What samples leave then is left at shadows alone. Not where the lens bends.
 
-Faces are flat and as bright as their law says at their own incidence and emission. The Sun is a point: what its disc would
-soften is less than a pixel wherever a shadow is cast from less than a hundred pixels away, under a high Sun. Faces send no light
-to each other.
+Faces are flat and as bright as their law says at their own incidence and emission. The Sun is a point: under a high Sun, what
+its disc would soften is less than a pixel wherever a shadow is cast from less than a hundred pixels away. Faces send no light to
+each other.
 """
 
 from __future__ import annotations
@@ -220,7 +220,7 @@ class ShadedBody:
         return drawn
 
     def depths(self, lens: Lens, pose: CameraPose) -> Array:
-        """Distance along the axis of the camera under the centre of each pixel, Z in C [m], 0 for the sky; args as of `draw`."""
+        """Distance along the camera's axis under the centre of each pixel, Z in C [m], 0 for the sky; args as of `draw`."""
         return self._under_centres(lens, pose, -pose.C_CA[2], shadows=False)[1]
 
     def labels(self, lens: Lens, pose: CameraPose, sun_A: Array) -> Labels:
