@@ -116,7 +116,8 @@ flights, the predictions they are held against {predicted}; of bodies below some
 Attitudes are exact. The model is the body itself: what a shape, an albedo or a law that is not quite the body's adds is
 `centroid_model`, `limb_model_px` and `landmark_model_px` of flights, and left out here. *Diameter* is that of the sphere about
 the body. *chi-square* is the sum of the squared errors over the covariances that measurements say, a component; in brackets
-where 95 % of right ones lie. Above it, measurements promise too much; below, too little. *Worst picture* is that of a single one.
+where 95 % of right ones lie. Above it, measurements promise too much; below, too little. *Worst picture* is that of a single
+one.
 
 | body | way | diameter [px] | used | median across [px] | of distance | chi-square | worst picture | time [ms] | why not |
 |---|---|---|---|---|---|---|---|---|---|
@@ -131,8 +132,8 @@ landmarks by an error of their own of {floor} px, horizons by {edge} px and more
 
 {filtered} short flights of two spacecraft past a body, from 31 km to 10 km, of the filter alone: measurements are drawn, and
 err by what the filter is told (`scripts/pages/filter_flights.py`). NEES and NIS are the squared errors of the estimates at the
-end and of the innovations over what the filter says of them, a component; in brackets where 95 % of right ones lie. *Far off* are
-estimates whose squared error is beyond what one in a hundred right ones exceeds. Ranges known to 1 m between places known much
+end and of the innovations over what the filter says of them, a component; in brackets where 95 % of right ones lie. *Far off*
+are estimates whose squared error is beyond what one in a hundred right ones exceeds. Ranges known to 1 m between places known much
 worse are not linear: they are believed less, by which innovations come out smaller than said. Of near spacecraft that is not
 enough: most estimates err as said, a few per cent by far more.
 

@@ -13,8 +13,8 @@ A picture is a map of radiance factors I/F (see `photometry`), averaged over the
    columns where it is flat. What samples leave then is left at shadows alone. Not where the lens bends.
 
 Faces are flat and as bright as their law says at their own incidence and emission. The Sun is a point: under a high Sun, what
-its disc would soften is less than a pixel wherever a shadow is cast from less than a hundred pixels away. Faces send no light to
-each other.
+its disc would soften is less than a pixel wherever a shadow is cast from less than a hundred pixels away. Faces send no light
+to each other.
 """
 
 from __future__ import annotations
