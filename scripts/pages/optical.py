@@ -133,9 +133,9 @@ landmarks by an error of their own of {floor} px, horizons by {edge} px and more
 {filtered} short flights of two spacecraft past a body, from 31 km to 10 km, of the filter alone: measurements are drawn, and
 err by what the filter is told (`scripts/pages/filter_flights.py`). NEES and NIS are the squared errors of the estimates at the
 end and of the innovations over what the filter says of them, a component; in brackets where 95 % of right ones lie. *Far off*
-are estimates whose squared error is beyond what one in a hundred right ones exceeds. Ranges known to 1 m between places known much
-worse are not linear: they are believed less, by which innovations come out smaller than said. Of near spacecraft that is not
-enough: most estimates err as said, a few per cent by far more.
+are estimates whose squared error is beyond what one in a hundred right ones exceeds. Ranges known to 1 m between places known
+much worse are not linear: they are believed less, by which innovations come out smaller than said. Of near spacecraft that is
+not enough: most estimates err as said, a few per cent by far more.
 
 | case | flights | NEES | far off | NIS |
 |---|---|---|---|---|
