@@ -137,7 +137,8 @@ def _navigate(arguments: argparse.Namespace) -> int:
             optical=arguments.optical,
             progress=bars,
         )
-    show_table(bars.console, _table(found))
+    if found.covariance_N.any() or not arguments.optical:
+        show_table(bars.console, _table(found))
     lines = [f"{found.scenario.name}: {words}" for words in found.findings]
     if arguments.out is not None:
         lines.append(f"numbers in {found.save(arguments.out)}")

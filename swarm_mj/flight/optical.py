@@ -29,7 +29,7 @@ from swarm_mj.navigation.measure import measure
 from swarm_mj.navigation.picture import TAKEN_SAMPLES, Fix, Predictor, Rejected, SeenPicture
 from swarm_mj.observation.camera import CameraMotion, CameraPose
 from swarm_mj.observation.capture import Picture
-from swarm_mj.observation.photometry import body_surface
+from swarm_mj.observation.photometry import needed_surface
 from swarm_mj.observation.shading import ShadedBody
 from swarm_mj.scenarios.schema_navigation import OpticalNavigation
 from swarm_mj.scenarios.schema_sensors import Sensors
@@ -103,8 +103,7 @@ class OpticalNavigator:
                     "or navigation.mode: assumed"
                 )
         self._maker = PictureMaker(plan)
-        surface = body_surface(scenario.body)
-        assert surface is not None  # pictures can be made
+        surface = needed_surface(scenario.body)
         vertices, faces = np.array(plan.shape.vertices), np.array(plan.shape.faces)
         if asked.model_faces is not None and asked.model_faces < len(faces):
             model = simplify(vertices, faces.astype(np.int64), asked.model_faces)

@@ -48,6 +48,7 @@ def analyse_optical(plan: Plan, progress: Progress | None = None) -> CorrectionA
     at_arrival, before = np.empty((m + 1, n, 6, 6)), np.empty((m, n, 6, 6))
     delta_v, known = np.empty((m, n, 3, 3)), np.empty((n, 6, 6))
     pictures: list[dict[str, int]] = []
+    untold: list[dict[str, int]] = []
     gain, to_arrival = (legs.gain if m else np.empty((n, 0, 3, 6))), legs.to_arrival
     for j in range(n):
         r_N, v_N = legs.r_N[j, :1], legs.v_N[j, :1]
@@ -82,6 +83,7 @@ def analyse_optical(plan: Plan, progress: Progress | None = None) -> CorrectionA
             at_arrival[k + 1, j] = to_arrival[j, k + 1] @ D @ to_arrival[j, k + 1].T
         known[j] = along.filter.covariance(0)
         pictures.append(along.used)
+        untold.append(along.refused)
         if progress is not None:
             progress((j + 1) / n)
     # What burns err by is in these covariances already.
@@ -93,6 +95,7 @@ def analyse_optical(plan: Plan, progress: Progress | None = None) -> CorrectionA
         spread=Spread(at_arrival=at_arrival, before=before, delta_v=delta_v),
         known=known,
         pictures=tuple(pictures),
+        untold=tuple(untold),
     )
 
 
@@ -174,11 +177,14 @@ class _Along:
     Attributes:
         filter: What is known so far.
         used: How many pictures told something, by way.
+        refused: How many did not, by reason.
     """
 
     def __init__(self, navigator: OpticalNavigator, start: SwarmFilter, j: int) -> None:
-        self.filter, self.used = start, dict[str, int]()
-        self._navigator, self._j, self._due = navigator, j, start.t
+        self.filter, self.used, self.refused = start, dict[str, int](), dict[str, int]()
+        self._navigator, self._j = navigator, j
+        # At the release, cameras do not point at the body yet.
+        self._due = start.t + navigator.seconds_to_next(start.r_N, start.v_N)
         # What is believed errs at first as in a flight of this seed, then by what pictures leave of that: by it cameras point.
         self._error = np.zeros(len(start.x))
         drawn = stream(navigator.plan.scenario.seed, Stream.FIRST_KNOWLEDGE, j).standard_normal(6)
@@ -209,6 +215,7 @@ class _Along:
         picture = Picture(t, self._j, pose.r_A, pose.C_CA, C_AN @ plan.environment.sun.at(t))
         fix = self._navigator.measured(picture, each.position_sigma(0))
         if not isinstance(fix, Fix):
+            self.refused[fix.why] = self.refused.get(fix.why, 0) + 1
             return np.eye(len(each.x))
         self.used[fix.kind] = self.used.get(fix.kind, 0) + 1
         each.use_fix(0, fix._replace(y=np.zeros_like(fix.y)), C_AN)

@@ -15,7 +15,7 @@ from swarm_mj.observation.camera import CameraModel, CameraMotion, CameraPose
 from swarm_mj.observation.capture import Picture
 from swarm_mj.observation.detector import DetectorModel, Exposed
 from swarm_mj.observation.lens import Distortion, Lens, lens_of
-from swarm_mj.observation.photometry import body_surface
+from swarm_mj.observation.photometry import needed_surface
 from swarm_mj.observation.shading import FEWEST, Labels, ShadedBody
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.companion import Companion
@@ -65,12 +65,7 @@ class PictureMaker:
 
     def __init__(self, plan: Plan) -> None:
         self._plan, scenario = plan, plan.scenario
-        surface = body_surface(scenario.body)
-        if surface is None:
-            raise ScenarioError(
-                "body.photometry = null: pictures need to know how the body reflects light; give a published set or a law, or "
-                "body.albedo, 0.04 to 0.4 for most small bodies"
-            )
+        surface = needed_surface(scenario.body)
         self.lens = lens_from(scenario)
         self._companion: Companion | None = plan.environment.companion
         vertices, faces = np.array(plan.shape.vertices), np.array(plan.shape.faces)

@@ -26,6 +26,7 @@ from swarm_mj.mission.links import Antennas
 from swarm_mj.mission.safety import CloseApproach, Impact, check_times, close_approaches, find_impacts, foreseen_impacts
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.mission.trajectories import Deployment
+from swarm_mj.observation.photometry import needed_surface
 from swarm_mj.scenarios.itinerary import arrival_times, itinerary
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
@@ -127,6 +128,8 @@ def make_plan(
     Raises:
         SwarmError: Shape, target, plug-in or trajectory cannot be had; the message says why. A `PathError` says whose paths.
     """
+    if scenario.navigation.mode == "optical":
+        needed_surface(scenario.body)
     controller = controller_from(scenario)
     behavior = behavior_from(scenario)
     own = own_spacecraft_from(scenario)

@@ -43,6 +43,7 @@ class CorrectionAnalysis:
         known: Covariance of what pictures let each know of its state at the arrival, shape (n, 6, 6) [m, m/s]; None: no
             pictures are taken.
         pictures: How many of each one's pictures told something, by way.
+        untold: Why pictures told nothing, and how many, of each one.
     """
 
     plan: Plan
@@ -51,6 +52,7 @@ class CorrectionAnalysis:
     spread: Spread
     known: Array | None = None
     pictures: tuple[dict[str, int], ...] = ()
+    untold: tuple[dict[str, int], ...] = ()
 
 
 def analyse_corrections(plan: Plan) -> CorrectionAnalysis:

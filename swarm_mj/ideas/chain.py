@@ -457,9 +457,10 @@ class _Search:
     ) -> bool:
         """Fly a swarm; what its flight needs more of is sized anew. Whether it meets the requirement."""
         asked, only_if_met = self.asked, by is None
-        sized_for = asked
+        sized_for, first = asked, one
         for _ in range(ANEW):
-            flown = load_scenario(asked.scenario, {**one.changes(asked), **_designed(design)})
+            named = {"name": asked.name, "description": f"the swarm of the study {asked.name}, from {asked.scenario}"}
+            flown = load_scenario(asked.scenario, {**one.changes(asked), **_designed(design), **named})
             self.tell(f"{len(design['visiting_points'])} of {one.name} fly")
             try:
                 gas = asked.model_copy(update={"delta_v_m_s": sized_for.delta_v_m_s})
@@ -487,6 +488,8 @@ class _Search:
             return False
         n, weight = flight.plan.n_observers, flight.plan.n * one.mass_kg
         words = f"{n} {'observer' if n == 1 else 'observers'}, {weight:.3g} kg, {words}"
+        if one is not first:
+            words += f"; sized anew for what its flight takes, from {first.mass_kg:.3g} kg each"
         if misses:
             words += "; flown: " + ", ".join(f"{c.requirement} {c.reached:.4g}, not {c.asked:.4g}" for c in misses)
         self.tried.append(Tried(one.name, one.mass_kg, bound, n, words, proven=proven))
@@ -591,7 +594,8 @@ def _delivered_h(asked: Requirement, delivery: Delivery, end_s: float) -> tuple[
     with np.errstate(divide="ignore", invalid="ignore"):
         used = np.nan_to_num(delivery.earth_bit / delivery.earth_contact_bit)
     busy_h = float((np.diff(delivery.edges_s) @ used).max()) / 3600.0
-    words = f"flown, sent for {busy_h:.3g} h by one, contacts of {asked.contact_h:g} h a day"
+    words = f"flown: {visible_h:.3g} h without a pause, in which one sends for {busy_h:.3g} h; with contacts of "
+    words += f"{asked.contact_h:g} h a day {busy_h * 24.0 / asked.contact_h:.3g} h"
     return max(visible_h, busy_h * 24.0 / asked.contact_h), words
 
 
@@ -621,8 +625,8 @@ def _forbidden(
         else f"nor does it help to relax {', '.join(EASED)}, limits.spacecraft, limits.spacecraft_kg or limits.units"
     )
     return (
-        f"no spacecraft among {len(tried)} kinds can be built for it ({', '.join(causes)}); the nearest, {nearest.kind}: "
-        f"{nearest.words}; {remedy}",
+        f"no spacecraft among {len(tried)} kinds can be built for it ({', '.join(causes)}); the one that is refused last, "
+        f"{nearest.kind}: {nearest.words}; {remedy}",
         tuple(ways),
     )
 
@@ -654,10 +658,14 @@ def _feasible(asked: Requirement, scenario: Scenario, seen: Encounter) -> bool:
 
 
 def _eased(asked: Requirement, key: str, most: float, scenario: Scenario, seen: Encounter) -> float | None:
-    """The least change of a value with which a spacecraft can be built, to a hundredth; None: there is none up to a factor."""
+    """The least change of a value with which a spacecraft can be built, to a hundredth; None: there is none up to a factor.
+
+    What may not be asked for helps nobody.
+    """
 
     def helps(times: float) -> bool:
-        return _feasible(asked.with_value(key, asked.value(key) * times), scenario, seen)
+        value = asked.value(key) * times
+        return asked.allows(key, value) and _feasible(asked.with_value(key, value), scenario, seen)
 
     steps = np.geomspace(1.0, most, STEPS)
     k = next((k for k in range(1, STEPS) if helps(float(steps[k]))), None)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import yaml
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, TypeAdapter, ValidationError, field_validator, model_validator
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.ideas.components import PROPULSION, SIZES
@@ -156,7 +156,12 @@ class Requirement(Section):
     max_blur_px: float = Field(
         1.0, gt=0, le=100, description="largest motion of the ground in an exposure, the camera not turning along [px]"
     )
-    deliver_within_h: float = Field(240.0, gt=0, le=1e6, description="time until all pictures are on Earth [h]")
+    deliver_within_h: float = Field(
+        240.0,
+        gt=0,
+        le=720.0,
+        description="time until all pictures are on Earth [h]; at most what data.horizon_s allows",
+    )
     contact_h: float = Field(8.0, gt=0, le=24, description="contact of whoever sends with Earth a day, for sizing [h]")
     listen_share: float = Field(
         1.0, ge=0, le=1, description="of the time between contacts in which the receiver is on [-]; default: always"
@@ -241,6 +246,17 @@ class Requirement(Section):
         """A number by its dotted key."""
         section, _, name = key.rpartition(".")
         return float(getattr(getattr(self, section) if section else self, name))
+
+    def allows(self, key: str, value: float) -> bool:
+        """Whether a number may be asked for, by its dotted key."""
+        section, _, name = key.rpartition(".")
+        field = type(getattr(self, section) if section else self).model_fields[name]
+        kind: Any = Annotated[field.annotation, field]
+        try:
+            TypeAdapter(kind).validate_python(value)
+        except ValidationError:
+            return False
+        return True
 
     def with_value(self, key: str, value: float) -> Requirement:
         """The requirement with another number at a dotted key."""

@@ -7,7 +7,7 @@ import numpy as np
 from swarm_mj.navigation.centroid import measure_centroid
 from swarm_mj.navigation.landmarks import FLOOR, measure_landmarks
 from swarm_mj.navigation.limb import measure_limb
-from swarm_mj.navigation.picture import Fix, Predictor, Rejected, SeenPicture
+from swarm_mj.navigation.picture import Fix, Predictor, Rejected, SeenPicture, without_hot_pixels
 from swarm_mj.scenarios.schema_navigation import OpticalNavigation
 
 #: How far landmarks are looked for at least [px], and how many sigmas of the believed position.
@@ -28,9 +28,14 @@ def measure(seen: SeenPicture, predictor: Predictor, asked: OpticalNavigation, p
     Returns:
         What it told, or why nothing, way by way.
     """
-    bright = seen.signal > 6.0 * np.sqrt(seen.background)
-    if seen.saturated.sum() > SATURATED * bright.sum():
-        return Rejected("none", "saturated pixels: a shorter exposure is needed (camera.detector.exposure_range_s)")
+    # Pixels that are bright alone are hot, not of the body.
+    bright = without_hot_pixels(seen) > 6.0 * np.sqrt(seen.background)
+    if (seen.saturated & bright).sum() > SATURATED * bright.sum():
+        return Rejected(
+            "none",
+            "saturated pixels: shorter exposures (camera.detector.exposure_range_s), or where they are the shortest, a smaller "
+            "lens (camera.aperture_m) or smaller pixels (camera.resolution_px) are needed",
+        )
     refused: list[Rejected] = []
     for method in suited(asked, predictor.diameter_px(seen)):
         if method == "centroid":

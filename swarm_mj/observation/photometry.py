@@ -23,6 +23,7 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 
 from swarm_mj.compilation import jittable, kernel
+from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.schema_body import Body
 from swarm_mj.scenarios.schema_photometry import LawName, Photometry
 from swarm_mj.typing import Array
@@ -68,6 +69,21 @@ def surface_of(given: Photometry) -> Surface:
         tan(radians(given.roughness_deg)),
         given.porosity_factor,
     )
+
+
+def needed_surface(body: Body) -> Surface:
+    """How the surface of a scenario's body reflects, for pictures.
+
+    Raises:
+        ScenarioError: Nobody says.
+    """
+    surface = body_surface(body)
+    if surface is None:
+        raise ScenarioError(
+            "body.photometry = null: pictures need to know how the body reflects light; give a published set or a law, or "
+            "body.albedo, 0.04 to 0.4 for most small bodies"
+        )
+    return surface
 
 
 def body_surface(body: Body) -> Surface | None:

@@ -133,9 +133,9 @@ def navigation_findings(found: CorrectionAnalysis) -> list[str]:
     m = found.legs.n_corrections
     if not found.spread.at_arrival.any():
         return [
-            "nothing is said to err, so nothing spreads: give dispersions.deployment_velocity_m_s, mothership_position_m, "
-            "mothership_velocity_m_s, or navigation and burn errors with corrections",
             *_by_pictures(found),
+            "nothing is said to err, so no path spreads: give dispersions.deployment_velocity_m_s, mothership_position_m, "
+            "mothership_velocity_m_s, or navigation and burn errors with corrections",
         ]
     stages = [[row for row in rows if row["corrections"] == k] for k in range(m + 1)]
     said = [_stage(k, stage) for k, stage in enumerate(stages)]
@@ -176,10 +176,19 @@ def _by_pictures(found: CorrectionAnalysis) -> list[str]:
     if known is None:
         return []
     told = "; ".join(
-        f"{name}: {', '.join(f'{count} by {way}' for way, count in ways.items()) or 'none'}, then known to {known[name]:.3g} m"
-        for name, ways in zip(found.plan.names, found.pictures, strict=True)
+        f"{name}: {', '.join(f'{count} by {way}' for way, count in ways.items()) or _why_none(untold)}, known to "
+        f"{known[name]:.3g} m"
+        for name, ways, untold in zip(found.plan.names, found.pictures, found.untold, strict=True)
     )
     return [f"pictures on the way that tell something, and 3 sigma of the position at the arrival by them: {told}"]
+
+
+def _why_none(untold: dict[str, int]) -> str:
+    """Why none of a spacecraft's pictures told anything."""
+    if not untold:
+        return "none, it takes no pictures"
+    why = max(untold, key=untold.__getitem__)
+    return f"none of {sum(untold.values())}, {untold[why]} for {why}"
 
 
 def _tank(found: CorrectionAnalysis, names: tuple[str, ...]) -> list[str]:

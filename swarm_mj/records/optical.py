@@ -70,10 +70,13 @@ def _findings(plan: Plan, found: Row, records: list[Row]) -> list[str]:
     used = sum(found["used"].values())
     if not used:
         why = _reasons(found)
-        return [
-            f"navigation by pictures: none of {len(records)} told anything, all was flown by the first knowledge; {why}; "
-            "begin with better knowledge (navigation.optical.initial_position_m), with a wider camera, or in other light"
-        ]
+        words = (
+            f"navigation by pictures: none of {len(records)} told anything, all was flown by the first knowledge; {why}"
+        )
+        if not any("saturated" in one["why"] for one in found["not_used"]):
+            words += "; begin with better knowledge (navigation.optical.initial_position_m), with a wider camera, or in other "
+            words += "light"
+        return [words, *_aimed_off(plan, found, "")]
     ways = ", ".join(f"{count} by {way}" for way, count in found["used"].items())
     error, sigma = (max(found[key].values()) for key in ("position_error_m_arrival", "position_3_sigma_m_arrival"))
     said = [
@@ -82,15 +85,20 @@ def _findings(plan: Plan, found: Row, records: list[Row]) -> list[str]:
     ]
     if len(records) > used:
         said[0] += f"; not used: {_reasons(found)}"
+    return said + _aimed_off(plan, found, f"; {_remedy(plan, found)}")
+
+
+def _aimed_off(plan: Plan, found: Row, remedy: str) -> list[str]:
+    """Who aimed off by more than a share of the field of view."""
     limit = AIM_SHARE * plan.scenario.camera.half_angle_deg
     late = {name: value for name, value in found["aim_error_deg_arrival"].items() if value > limit}
-    if late:
-        worst = max(late, key=late.__getitem__)
-        said.append(
-            f"navigation by pictures is too poor for the camera: {', '.join(late)} aimed off at the arrival, {worst} by "
-            f"{late[worst]:.3g} deg of camera.half_angle_deg = {plan.scenario.camera.half_angle_deg:g}; {_remedy(plan, found)}"
-        )
-    return said
+    if not late:
+        return []
+    worst = max(late, key=late.__getitem__)
+    return [
+        f"navigation by pictures is too poor for the camera: {', '.join(late)} aimed off at the arrival, {worst} by "
+        f"{late[worst]:.3g} deg of camera.half_angle_deg = {plan.scenario.camera.half_angle_deg:g}{remedy}"
+    ]
 
 
 def _reasons(found: Row) -> str:
@@ -100,6 +108,8 @@ def _reasons(found: Row) -> str:
 def _remedy(plan: Plan, found: Row) -> str:
     """Which instrument to change, by what limits the knowledge."""
     asked, sensors = plan.scenario.navigation.optical, plan.scenario.spacecraft.sensors
+    if found["not_used"] and "saturated" in found["not_used"][0]["why"]:
+        return "most pictures were saturated, see above"
     pixel_arcsec = 3600.0 * np.degrees(2.0 * np.tan(np.radians(plan.scenario.camera.half_angle_deg)))
     pixel_arcsec /= plan.scenario.camera.resolution_px
     if sensors.star_tracker_bias_arcsec > pixel_arcsec:

@@ -208,13 +208,13 @@ def test_stereo_takes_twice_the_pictures_and_relays_send_for_all():
     assert least_observers(asked(quality="stereo"), once, payload) == 28
     assert least_observers(asked(quality="shape"), once, payload) == 42
     # 28 pictures of 2048^2 bit, 14 for the target and as many again for overlap: by each its one, by a relay all.
-    slow = {"deliver_within_h": 1e6}
-    own = size_spacecraft(asked(**slow), SCENARIO, once, SIZES[6], payload)
-    one, two = (size_spacecraft(asked(**slow), SCENARIO, once._replace(senders=k), SIZES[6], payload) for k in (1, 2))
+    slow = asked().model_copy(update={"deliver_within_h": 1e6})
+    own = size_spacecraft(slow, SCENARIO, once, SIZES[6], payload)
+    one, two = (size_spacecraft(slow, SCENARIO, once._replace(senders=k), SIZES[6], payload) for k in (1, 2))
     assert one.link == own.link and one.send_h == pytest.approx(28.0 * own.send_h)
     assert two.send_h == pytest.approx(14.0 * own.send_h)
     # Those that only communicate weigh as much.
-    assert least_swarm_kg(asked(**slow), once._replace(idle=1), one) == pytest.approx(15.0 * one.mass_kg)
+    assert least_swarm_kg(slow, once._replace(idle=1), one) == pytest.approx(15.0 * one.mass_kg)
 
 
 def test_batteries_carry_the_body_s_shadow_and_receivers_may_be_off():

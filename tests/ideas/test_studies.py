@@ -132,6 +132,23 @@ def test_the_papers_requirement_is_proven_impossible_with_its_limit():
     assert _can_be_built(eased) and not _can_be_built({**eased, "resolution_m": 0.98 * way["resolution_m"]})
 
 
+def test_what_is_proposed_may_be_asked_for():
+    """So fine a resolution from so far away takes 3U thousands of hours to send: more than may be asked for."""
+    asked = load_requirement(
+        {
+            "name": "fine",
+            "scenario": "bennu-slow",
+            "resolution_m": 0.01,
+            "deliver_within_h": 24,
+            "limits": {"units": [3]},
+        }
+    )
+    ways = run_study(asked).relaxed
+    assert ways and all(asked.allows(key, value) for way in ways for key, value in way.items() if key != "limits.units")
+    assert all("limits.units" in way for way in ways if "deliver_within_h" in way)
+    assert not asked.allows("deliver_within_h", 1e4) and asked.allows("contact_h", 2.0)
+
+
 def _can_be_built(given):
     from swarm_mj.ideas.chain import encounter_of
     from swarm_mj.ideas.spacecraft import Spacecraft, spacecraft_options

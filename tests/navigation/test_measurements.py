@@ -191,6 +191,19 @@ def test_nothing_is_made_of_sky_or_of_a_body_half_outside(studio, way):
         assert isinstance(cut, Rejected) and "out of" in cut.why
 
 
+def test_a_dark_picture_of_hot_pixels_is_not_called_saturated(studio):
+    rng = np.random.default_rng(2)
+    r_A, C_CA, _ = geometry(rng, studio.distance(60.0), 1.0)
+    night = studio.shot(r_A, C_CA, -AU * r_A / np.linalg.norm(r_A), rng, r_A)
+    hot = rng.random(night.signal.shape) < 1e-3
+    night = replace(night, signal=np.where(hot, 1e5, night.signal), saturated=hot)
+    found = measure(night, studio.predictor, OpticalNavigation(), 1.0)
+    assert isinstance(found, Rejected) and "no light above the noise" in found.why
+    day = studio.shot(r_A, C_CA, AU * r_A / np.linalg.norm(r_A), rng, r_A)
+    full = measure(replace(day, saturated=day.signal > 0.0), studio.predictor, OpticalNavigation(), 1.0)
+    assert isinstance(full, Rejected) and "saturated" in full.why
+
+
 def test_the_size_on_the_picture_says_which_way(studio):
     asked = OpticalNavigation()
     assert suited(asked, 5.0) == ["centroid"] and suited(asked, 50.0)[0] == "limb"
