@@ -594,9 +594,9 @@ def _delivered_h(asked: Requirement, delivery: Delivery, end_s: float) -> tuple[
     with np.errstate(divide="ignore", invalid="ignore"):
         used = np.nan_to_num(delivery.earth_bit / delivery.earth_contact_bit)
     busy_h = float((np.diff(delivery.edges_s) @ used).max()) / 3600.0
+    with_pauses_h = busy_h * 24.0 / asked.contact_h
     words = f"flown: {visible_h:.3g} h without a pause, in which one sends for {busy_h:.3g} h; with contacts of "
-    words += f"{asked.contact_h:g} h a day {busy_h * 24.0 / asked.contact_h:.3g} h"
-    return max(visible_h, busy_h * 24.0 / asked.contact_h), words
+    return max(visible_h, with_pauses_h), words + f"{asked.contact_h:g} h a day {with_pauses_h:.3g} h"
 
 
 def _forbidden(

@@ -3,7 +3,7 @@
 A picture is a map of radiance factors I/F (see `photometry`), averaged over the area of each pixel. What is drawn:
 
 1. Face numbers of a grid of samples, several along each pixel, by the rasteriser. Small bodies get more of them, up to `MOST`
-   along a pixel, and where the lens spreads them first, `PART_SAMPLES` times `PARTS`, so that a body of five pixels is as well
+   along a pixel, and where the lens spreads them first, 4 times as many, so that a body of five pixels is as well
    sampled as one that fills the picture.
 2. The same from the Sun, over what of the body the picture shows, see `shadows`.
 3. For each sample the point where its line of sight meets the plane of its face, in double precision, and whether it lies in
@@ -53,8 +53,9 @@ FEWEST, MOST = 2, 64
 #: Samples along a pixel for labels where the lens bends.
 BENT = 8
 #: Up to so many pixels a body is spread by the lens before pixels collect its light: of parts of a pixel, so many along one at
-#: least and at most, of so many samples each.
-SMALL_PX, PARTS, PART_SAMPLES = 32, (4, 64), 4
+#: least and at most, of so many samples each at least, and so many samples along a pixel: with fewer, shadows of a bright
+#: crescent err by more than its light's noise.
+SMALL_PX, PARTS, PART_SAMPLES, SMALL_SAMPLES = 32, (4, 64), 4, 32
 #: Places along a side of the map from the Sun, and of that for the smaller grid.
 SUN_GRID, SMALL_SUN_GRID = 1280, 640
 #: Share of the body's extent across the Sun's direction from which on that map shows all of it: of its places along a side a
@@ -204,7 +205,8 @@ class ShadedBody:
             shown_px = self._extent * lens.focal_px / max(float(np.linalg.norm(pose.r_A)), self._extent)
             parts = int(np.clip((SMALL_GRID // PART_SAMPLES - 2) / shown_px, *PARTS))
             near = lens.zoomed(low.astype(np.float64), high.astype(np.float64), parts)
-            fine = self.draw(near, pose, sun_A, samples=PART_SAMPLES).astype(np.float64)
+            samples = max(PART_SAMPLES, ceil(SMALL_SAMPLES / parts))
+            fine = self.draw(near, pose, sun_A, samples=samples).astype(np.float64)
             across, down = (
                 _pixel_shares(int(a - low[k]), int(b - low[k]), int(high[k] - low[k]), parts, psf_px)
                 for k, (a, b) in enumerate(zip(first, stop, strict=True))

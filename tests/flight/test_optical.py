@@ -127,7 +127,7 @@ def test_designs_allow_for_what_pictures_will_tell(flight):
     size = np.einsum("nk,nk->n", off, np.linalg.solve(known[:n, :3, :3], off[..., None])[..., 0])
     assert 0.3 < size.sum() < 30.0  # chi-square of nine
     said = np.sqrt(np.linalg.eigvalsh(known[:n, :3, :3])[:, -1]) / widest(flight.telemetry)[-1, :n]
-    assert 0.85 < said.min() and said.max() < 1.15  # cameras do not point at the body when they are released
+    assert 0.92 < said.min() and said.max() < 1.1  # cameras do not point at the body when they are released
     simulation = make_simulation(plan, navigator=DrawnKnowledge(known, arrival_s, 0))
     drawn = []
     for seed in range(600):
