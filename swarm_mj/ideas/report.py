@@ -38,6 +38,7 @@ def study_html(
     facts = f"study {told['id']} by swarm_mj {told['version']}, scenario {told['requirement']['scenario']}"
     parts = [
         _outcome(sentences),
+        _relaxed(told["requirement"], record),
         _checks(record, there),
         _spacecraft(record),
         _swarm(record, there),
@@ -63,6 +64,19 @@ def _svg(shapes: Content, width: float, height: float, words: str) -> Html:
 
 def _outcome(sentences: list[str]) -> Html:
     return _section("What it came to", [tag("p", words) for words in sentences])
+
+
+def _relaxed(requirement: Mapping[str, Any], record: Mapping[str, Any]) -> Html | None:
+    """Ways out of a requirement that cannot be met."""
+    rows = []
+    for way in record["relaxed"]:
+        asked = []
+        for key in way:
+            section, _, inner = key.rpartition(".")
+            asked.append(str((requirement[section] if section else requirement)[inner]))
+        rows.append((", ".join(way), ", ".join(asked), ", ".join(_number(value) for value in way.values())))
+    caption = "Each row alone; these conditions are necessary, not sufficient"
+    return _section("What would let it", table(("value", "asked", "it takes"), rows, caption=caption)) if rows else None
 
 
 def _number(value: Any, digits: int = 4) -> str:
