@@ -483,7 +483,7 @@ def test_the_command_tells_proofs_and_refuses_what_makes_no_sense(tmp_path, caps
     told = capsys.readouterr().out
     assert "cannot be met" in told and "87 observers at least" in told and "it takes limits.units = 6" in told
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "87 observers at least" in page and "What would let it" in page and "limits.units, resolution_m" in page
+    assert "87 observers at least" in page and "What it would take" in page and "limits.units, resolution_m" in page
     assert (tmp_path / "out" / "study.json").exists() and not (tmp_path / "out" / "scenario.yaml").exists()
     assert main(["ideas", "list", *base]) == 0 and "paper" in capsys.readouterr().out
     assert main(["ideas", "show", "paper", *base]) == 1
