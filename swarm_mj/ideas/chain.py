@@ -67,6 +67,8 @@ EASED = {
 STEPS = 13
 #: How often a kind is sized anew for what its flight needs, and what flown delivery and corrections are called.
 ANEW, ON_EARTH, CORRECTIONS = 3, "all pictures on Earth after", "velocity for corrections, 99 %"
+#: Share of the time to send as sized that is left to a kind where not all that its flight saw arrives in time.
+NEVER_SHARE = 0.5
 #: What a requirement that a flight misses is called in the file.
 RELAXED = {
     "share seen at the resolution": "share_percent",
@@ -470,10 +472,12 @@ class _Search:
                     self.tried.append(Tried(one.name, one.mass_kg, bound, None, f"flight: {error}", proven=proven))
                 return False
             # What the flight took longer goes back to the designer of the spacecraft: a link that is faster by as much.
-            missed = {check.requirement: check for check in checks if not check.met and np.isfinite(check.reached)}
+            missed = {check.requirement: check for check in checks if not check.met}
             tighter = {}
             if ON_EARTH in missed:
-                tighter["deliver_within_h"] = one.send_h * missed[ON_EARTH].asked / missed[ON_EARTH].reached
+                # Of what never arrives all that is known is that more must.
+                share = missed[ON_EARTH].asked / missed[ON_EARTH].reached or NEVER_SHARE
+                tighter["deliver_within_h"] = one.send_h * share
             if CORRECTIONS in missed and self.more_gas:
                 tighter["delta_v_m_s"] = missed[CORRECTIONS].reached
             if not tighter:
