@@ -76,7 +76,9 @@ def _relaxed(requirement: Mapping[str, Any], record: Mapping[str, Any]) -> Html 
             asked.append(str((requirement[section] if section else requirement)[inner]))
         rows.append((", ".join(way), ", ".join(asked), ", ".join(_number(value) for value in way.values())))
     caption = "Each row alone; these conditions are necessary, not sufficient"
-    return _section("What it would take", table(("value", "asked", "it takes"), rows, caption=caption)) if rows else None
+    return (
+        _section("What it would take", table(("value", "asked", "it takes"), rows, caption=caption)) if rows else None
+    )
 
 
 def _number(value: Any, digits: int = 4) -> str:

@@ -20,6 +20,8 @@ from swarm_mj.typing import Array, Mask
 
 #: How far above its face a place must be covered to lie in shadow, over the body's depth: rounding of double precision.
 ABOVE = 1e-9
+#: How far above lie faces that are not beside a place on the map, over the body's depth: more than what is beside it can rise.
+FAR_ABOVE = 0.05
 
 
 class SunMap(NamedTuple):
@@ -143,12 +145,34 @@ def is_lit(mesh: Mesh, seen: SunMap, f: Any, column: float, row: float) -> bool:
     c, d = picture[below], picture[below + np.uintp(1)]
     if (a == own) & (b == own) & (c == own) & (d == own):
         return True
-    return not (
+    if (
         (a != own and _covers(mesh, seen, a, f, column, row))
         or (b != own and b != a and _covers(mesh, seen, b, f, column, row))
         or (c != own and c != a and c != b and _covers(mesh, seen, c, f, column, row))
         or (d != own and d != a and d != b and d != c and _covers(mesh, seen, d, f, column, row))
+    ):
+        return False
+    # Between faces far above, that which lies exactly there may be so narrow as to be on none of the four places.
+    if a == own or b == own or c == own or d == own or min(a, b, c, d) == 0:
+        return True
+    x, y, far = i + 0.5, j + 0.5, _height(mesh, seen, f, column, row) + FAR_ABOVE
+    return not (
+        _height(mesh, seen, int(a) - 1, x, y) > far
+        and _height(mesh, seen, int(b) - 1, x + 1.0, y) > far
+        and _height(mesh, seen, int(c) - 1, x, y + 1.0) > far
+        and _height(mesh, seen, int(d) - 1, x + 1.0, y + 1.0) > far
     )
+
+
+@jittable
+def _height(mesh: Mesh, seen: SunMap, f: Any, column: float, row: float) -> float:
+    """How high the plane of a face lies at a place of the map, as `projected` has it."""
+    at, faces = seen.canvas.projected, mesh.faces
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    ub, vb, hb = at[b, 0] - at[a, 0], at[b, 1] - at[a, 1], at[b, 2] - at[a, 2]
+    uc, vc, hc = at[c, 0] - at[a, 0], at[c, 1] - at[a, 1], at[c, 2] - at[a, 2]
+    u, v = column - at[a, 0], row - at[a, 1]
+    return float(at[a, 2] + (u * (hb * vc - hc * vb) + v * (hc * ub - hb * uc)) / (ub * vc - uc * vb))
 
 
 @jittable
@@ -166,10 +190,4 @@ def _covers(mesh: Mesh, seen: SunMap, number: Any, f: int, column: float, row: f
     if wa < 0.0 or wb < 0.0 or wc < 0.0 or whole <= 0.0:
         return False
     above = (wa * at[a, 2] + wb * at[b, 2] + wc * at[c, 2]) / whole
-    # The face's own height there, as its plane goes.
-    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-    ub, vb, hb = at[b, 0] - at[a, 0], at[b, 1] - at[a, 1], at[b, 2] - at[a, 2]
-    uc, vc, hc = at[c, 0] - at[a, 0], at[c, 1] - at[a, 1], at[c, 2] - at[a, 2]
-    area = ub * vc - uc * vb
-    u, v = column - at[a, 0], row - at[a, 1]
-    return above > at[a, 2] + (u * (hb * vc - hc * vb) + v * (hc * ub - hb * uc)) / area + ABOVE
+    return above > _height(mesh, seen, f, column, row) + ABOVE

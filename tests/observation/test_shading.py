@@ -192,3 +192,20 @@ def test_shadows_that_are_kept_are_those_of_the_light_and_the_place(scene):
     squeezed = vertices * [1.0, 1.0, 0.4]
     body.move(squeezed)
     assert np.array_equal(body.draw(lens, pose, SUN), fresh(squeezed, pose, SUN))
+
+
+def test_no_light_falls_between_the_faces_of_what_is_far_above():
+    balls = [trimesh.creation.icosphere(4, radius) for radius in (1000.0, 600.0)]
+    balls[1].apply_translation(-2500.0 * SUN / np.linalg.norm(SUN))
+    mesh = trimesh.util.concatenate(balls)
+    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
+    middle, lens = (
+        vertices[len(balls[0].vertices) :].mean(axis=0),
+        lens_of(CameraModel(half_angle_deg=6.0, resolution_px=128)),
+    )
+    sideways = np.cross(SUN, [0.0, 0.0, 1.0])
+    pose = look_at(middle + 4000.0 * (SUN / np.linalg.norm(SUN) + 1.5 * sideways / np.linalg.norm(sideways)), middle)
+    body = ShadedBody(vertices, faces, HAPKE)
+    labels = body.labels(lens, pose, SUN)
+    assert (labels.incidence[labels.face >= 0] < 80.0).mean() > 0.5 and not labels.lit.any()
+    assert body.draw(lens, pose, SUN, samples=8).max() == 0.0
