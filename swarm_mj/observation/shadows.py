@@ -2,7 +2,8 @@
 
 The map has the number of the face that the light meets first at each of its places, by parallel rays. Of a place on the body
 the faces at the four nearest places of the map are asked whether they cover exactly that point from above: shadows are as sharp
-as the mesh then, and only of what is narrower than a place on the map part of a shadow may be lost.
+as the mesh then. Where none does, but all lie far above, the point is in shadow too; only of what is narrower than a place on
+the map, and near above, part of a shadow may be lost.
 
 The Sun is a point: at 1 au its disc of 0.53 deg would soften the edge of a shadow by 0.9 % of the way from what casts it.
 """
