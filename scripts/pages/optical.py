@@ -153,7 +153,7 @@ by how much the direction to the body was wrong. Sensors are the scenario's. *Ti
 
 Shape, law, GM and pole of the body are known exactly in these flights, but for the one with a model of fewer faces, whose
 covariances allow for nothing more than the defaults: what a wrong shape is off by stays from picture to picture, where the
-filter takes it for noise, and NEES comes out too large.
+filter takes it for noise, and NEES may come out too large.
 
 | scenario | P_TO, passage [%] | by pictures | delivered | error [m] | 3 sigma [m] | NEES | NIS | aim [deg] | pictures | time |
 |---|---|---|---|---|---|---|---|---|---|---|
