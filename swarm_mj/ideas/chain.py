@@ -10,6 +10,7 @@ kinds that were left or not proven.
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -461,7 +462,9 @@ class _Search:
         asked, only_if_met = self.asked, by is None
         sized_for, first = asked, one
         for _ in range(ANEW):
-            named = {"name": asked.name, "description": f"the swarm of the study {asked.name}, from {asked.scenario}"}
+            # Names of scenarios are those of folders too.
+            name = re.sub("[^A-Za-z0-9._-]+", "-", asked.name).strip("-._") or "study"
+            named = {"name": name, "description": f"the swarm of the study {asked.name}, from {asked.scenario}"}
             flown = load_scenario(asked.scenario, {**one.changes(asked), **_designed(design), **named})
             self.tell(f"{len(design['visiting_points'])} of {one.name} fly")
             try:
