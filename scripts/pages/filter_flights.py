@@ -25,7 +25,15 @@ SIGMA = np.repeat((300.0, 0.3), 3)
 
 
 class Case(NamedTuple):
-    """What errs, and whether the two range to each other; where the second begins [m, m/s], and errors at the start."""
+    """What is flown.
+
+    Attributes:
+        noise: What errs.
+        ranges: Whether the two range to each other.
+        r: Where both are believed to begin, in N [m], shape (2, 3).
+        v: Their velocities [m/s], likewise.
+        sigma: Errors of that, 1 sigma of each component [m, m/s], shape (6,).
+    """
 
     noise: FilterNoise
     ranges: bool = True

@@ -50,8 +50,8 @@ HALF_WIDTH = 1.8
 #: Least cosine between an edge's normal and its ray.
 LEAST_COSINE = 0.3
 #: Error of an edge besides noise, 1 sigma [px]: a Gaussian in place of pixels, light that does not vary as a plane; and what
-#: comes to it over the diameter on the picture [px^2], since the more it curves, the less so. Chosen so
-#: that horizons of a sphere of 30 to 400 pixels err as they say.
+#: comes to it over the diameter on the picture [px^2], since the more it curves, the less so. Chosen so that horizons of a
+#: sphere of 30 to 400 pixels err as they say.
 EDGE_FLOOR, EDGE_CURVED = 0.003, 0.35
 #: Of the error of a predicted picture's edges in a pixel, what is left of it in an edge along a ray, which passes several.
 EDGE_SHARE = 0.6

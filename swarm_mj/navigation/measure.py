@@ -28,14 +28,15 @@ def measure(seen: SeenPicture, predictor: Predictor, asked: OpticalNavigation, p
     Returns:
         What it told, or why nothing, way by way.
     """
-    # Pixels that are bright alone are hot, not of the body.
-    bright = without_hot_pixels(seen) > 6.0 * np.sqrt(seen.background)
-    if (seen.saturated & bright).sum() > SATURATED * bright.sum():
-        return Rejected(
-            "none",
-            "saturated pixels: shorter exposures (camera.detector.exposure_range_s), or where they are the shortest, a smaller "
-            "lens (camera.aperture_m) or smaller pixels (camera.resolution_px) are needed",
-        )
+    if seen.saturated.any():
+        # Pixels that are bright alone are hot, not of the body.
+        bright = without_hot_pixels(seen) > 6.0 * np.sqrt(seen.background)
+        if (seen.saturated & bright).sum() > SATURATED * bright.sum():
+            return Rejected(
+                "none",
+                "saturated pixels: shorter exposures (camera.detector.exposure_range_s), or where they are the shortest, a "
+                "smaller lens (camera.aperture_m) or smaller pixels (camera.resolution_px) are needed",
+            )
     refused: list[Rejected] = []
     for method in suited(asked, predictor.diameter_px(seen)):
         if method == "centroid":

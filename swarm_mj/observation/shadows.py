@@ -21,7 +21,8 @@ from swarm_mj.typing import Array, Mask
 
 #: How far above its face a place must be covered to lie in shadow, over the body's depth: rounding of double precision.
 ABOVE = 1e-9
-#: How far above lie faces that are not beside a place on the map, over the body's depth: more than what is beside it can rise.
+#: How far above lie faces that are not beside a place on the map, over the body's depth. What is beside it rises by as much
+#: from one of 640 places to the next where the Sun stands within 2 deg of its ground, on a body as deep as it is wide.
 FAR_ABOVE = 0.05
 
 
