@@ -175,6 +175,18 @@ _RADIOS = (
         half_beam_deg=4.2,
         source=f"0.55 (pi D / lambda)^2 of a dish of 0.3 m; {_IRIS.source}; losses and margin assumed",
     ),
+    # A transceiver on a board with a patch of 6 dBi: 2 W, as those of CubeSats in S band have (ISISPACE: 33 dBm of 13 W).
+    # Convolutional 1/2 (7) with Reed-Solomon (255,223): 2.5 dB (CCSDS 130.1-G). Assumed: everything else as of Iris.
+    replace(
+        _IRIS,
+        name="xband_patch",
+        power_w=2.0,
+        gain_dbi=6.0,
+        half_beam_deg=40.0,
+        coding="QPSK, convolutional 1/2 (7) and Reed-Solomon (255,223)",
+        required_eb_n0_db=2.5,
+        source="class of transceivers for CubeSats with a patch; CCSDS 130.1-G; the rest assumed, as of Iris",
+    ),
 )
 #: All radios by name.
 CATALOGUE: dict[str, Radio] = {radio.name: radio for radio in _RADIOS}

@@ -99,6 +99,10 @@ WHEELS = (
 )
 
 
+#: Spacecraft up to this size are built of miniature parts, where there are such: larger ones fly what has flown on them [U].
+MINIATURE_UNITS = 3
+
+
 class EarthLink(NamedTuple):
     """A deep-space transponder with an antenna; `radio` is its name in `dataflow.radios`."""
 
@@ -107,8 +111,9 @@ class EarthLink(NamedTuple):
     volume_u: float
     transmits_w: float  #: [W]
     listens_w: float  #: [W]
-    least_units: int  #: smallest spacecraft that carries the antenna [U]
+    least_units: int  #: smallest spacecraft that carries it [U]
     source: str
+    most_units: int = 12  #: largest [U]
 
 
 _IRIS = "class of JPL's Iris 2.1: 1.2 kg, 0.56 U, 35 W sending, 12.6 W hearing"
@@ -117,6 +122,17 @@ EARTH_LINKS = (
     EarthLink("iris_patch_array", 1.6, 0.8, 35.0, 12.6, 6, f"{_IRIS}; a face of patches"),
     EarthLink("iris_reflectarray", 2.2, 0.9, 35.0, 12.6, 6, f"{_IRIS}; MarCO's reflectarray, some 1 kg"),
     EarthLink("dish_30cm", 2.0, 1.6, 35.0, 12.6, 6, f"{_IRIS}; a deployed dish, class of KaPDA"),
+    EarthLink(
+        "xband_patch",
+        0.30,
+        0.25,
+        13.0,
+        1.5,
+        1,
+        "class of transceivers on a board, 2 W of radio frequency (ISISPACE in S band: 0.22 kg, 13 W sending, 1.2 W "
+        "hearing), with a patch: no coherent ranging from Earth",
+        MINIATURE_UNITS,
+    ),
 )
 
 
@@ -154,6 +170,7 @@ class Propulsion(NamedTuple):
     continuous: bool = (
         False  #: whether it burns for days, which panels alone can feed; else for an hour at a time at most
     )
+    most_units: int = 12  #: largest spacecraft that carries it [U]
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -223,10 +240,24 @@ PROPULSION = (
         "class of Busek's BIT-3: 2.9 kg with its gimbal and 1.5 kg of iodine, 1.6 U, 56 to 80 W, up to 1.2 mN",
         True,
     ),
+    Propulsion(
+        "ASCENT monopropellant, miniature",
+        220.0,
+        0.5,
+        0.8,
+        0.15,
+        1.47,
+        1.4,
+        0.6,
+        10.0,
+        "class of MIMPS-G (Nosseir, Cervone and Pasini, Aerospace 8 (2021) 169), a design: 0.5 N, 850 to 1,350 N s from 1 U, "
+        "over 3,000 from 2 U; its masses and power are assumed",
+        most_units=MINIATURE_UNITS,
+    ),
 )
 
 
-#: What every spacecraft has.
+#: What every spacecraft has, from 6U on.
 BUS = (
     Part("computer", 0.10, 0.10, 1.0, "class of GomSpace NanoMind A3200 on its board"),
     Part("power unit", 0.10, 0.12, 0.3, "class of GomSpace NanoPower P31u"),
@@ -245,6 +276,22 @@ BUS = (
         "class of GomSpace NanoCom AX100 (25 g) with a deployed antenna; 3 W while sending",
     ),
 )
+#: What small ones have in the place of the attitude unit.
+MINIATURE_ATTITUDE = Part(
+    "attitude unit, miniature",
+    0.25,
+    0.25,
+    1.2,
+    "class of CubeSpace's CubeADCS with its star tracker, without its wheels",
+)
+
+
+def bus_of(size: Size) -> tuple[Part, ...]:
+    """What a spacecraft of a size has whatever it does."""
+    small = size.units <= MINIATURE_UNITS
+    return tuple(MINIATURE_ATTITUDE if small and part.name == "attitude unit" else part for part in BUS)
+
+
 #: Power that the crosslink radio draws besides, while it sends [W].
 CROSSLINK_SENDS_W = 3.0
 BATTERY_WH, BATTERY = 38.5, Part("battery", 0.26, 0.19, 0.0, "class of GomSpace NanoPower BP4: four cells, 38.5 Wh")

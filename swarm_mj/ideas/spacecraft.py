@@ -23,7 +23,6 @@ from swarm_mj.ideas import sizing
 from swarm_mj.ideas.components import (
     BATTERY,
     BATTERY_WH,
-    BUS,
     CROSSLINK_SENDS_W,
     DETECTORS,
     EARTH_LINKS,
@@ -38,6 +37,7 @@ from swarm_mj.ideas.components import (
     Propulsion,
     Size,
     WheelSet,
+    bus_of,
 )
 from swarm_mj.ideas.requirement import Requirement
 from swarm_mj.io import interruption
@@ -397,7 +397,7 @@ def size_spacecraft(
     links, hours = [], []
     fastest = 0.0
     for link in EARTH_LINKS:
-        if link.least_units > size.units:
+        if not link.least_units <= size.units <= link.most_units:
             continue
         rate_bit_s = float(rates_bit_s(CATALOGUE[link.radio], g_over_t, seen.earth_m))
         fastest = max(fastest, rate_bit_s)
@@ -416,7 +416,8 @@ def size_spacecraft(
     lacking: list[str] = []
     options: list[Propulsion | None] = [None]
     if asked.delta_v_m_s:
-        options = [one for one in PROPULSION if one.name in asked.limits.propulsion]
+        options = [one for one in PROPULSION if one.name in asked.limits.propulsion and size.units <= one.most_units]
+        lacking += [] if options else [f"no thrusters of limits.propulsion are made for {size.units}U"]
     for propulsion in options:
         found = _lightest(asked, seen, size, payload, (wheels, links, hours), propulsion, (limit, pictures))
         if isinstance(found, str):
@@ -448,7 +449,7 @@ def _lightest(
     volume = np.array(
         [WHEEL_COUNT * w.volume_u for w in wheels] + [x.volume_u for x in links] + [PANEL.volume_u, BATTERY.volume_u]
     )
-    parts = BUS + (propulsion.parts if propulsion is not None else ())
+    parts = bus_of(size) + (propulsion.parts if propulsion is not None else ())
     carried = asked.instruments
     fixed_kg = size.structure_kg + payload.mass_kg + carried.mass_kg + sum(part.mass_kg for part in parts)
     fixed_u = payload.volume_u + carried.volume_u + sum(part.volume_u for part in parts)

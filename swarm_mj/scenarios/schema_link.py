@@ -83,7 +83,7 @@ class EarthRadio(_RadioChoice):
         min_length=1,
         max_length=100,
         description="name in the catalogue of swarm_mj.dataflow.radios: iris_reflectarray (MarCO's: 8.4 GHz, 4 W, 29.2 dBic), "
-        "iris_patch_array, iris_patch or dish_30cm",
+        "iris_patch_array, iris_patch, dish_30cm or xband_patch (a transceiver on a board: 2 W, 6 dBi)",
     )
 
 

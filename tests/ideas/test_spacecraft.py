@@ -154,7 +154,11 @@ def test_the_choice_is_the_lightest_of_all_choices():
             + panels * components.PANEL.volume_u
             + batteries * components.BATTERY.volume_u
         )
-        fits = wet <= size.limit_kg and volume <= 0.9 * size.units and link.least_units <= 6
+        fits = (
+            wet <= size.limit_kg
+            and volume <= 0.9 * size.units
+            and link.least_units <= 6 <= min(link.most_units, thrust.most_units)
+        )
         day = 1.1 * (load + link.transmits_w / 3.0 + link.listens_w * 2.0 / 3.0) <= panels * watt
         burning = 1.1 * (load + link.listens_w + thrust.power_w) - panels * watt
         # For days by panels alone; else for an hour with batteries.
@@ -244,6 +248,21 @@ def test_what_may_be_chosen_is_chosen_from():
     # A deployer may carry more than the standard's 12 kg.
     _, full = sized(limits={"units": [6], "spacecraft_kg": 14.0, "propulsion": ["cold gas, R236fa"]}, delta_v_m_s=110.0)
     assert 12.0 < full.mass_kg <= 14.0
+
+
+def test_small_ones_are_built_of_miniature_parts_and_larger_ones_are_not():
+    near = {"delta_v_m_s": 150.0, "limits": {"units": [3]}, "contact_h": 1.0, "listen_share": 0.1}
+    given, payload = asked(**near), payload_for(asked(**near), SEEN, SIZES[3], 1000.0, DETECTORS[1])
+    one = size_spacecraft(given, SCENARIO, SEEN._replace(earth_m=0.1 * AU), SIZES[3], payload)
+    assert one.link.radio == "xband_patch" and one.propulsion.name == "ASCENT monopropellant, miniature"
+    assert "attitude unit, miniature" in {row.name for row in one.rows} and one.mass_kg < 6.0
+    large = size_spacecraft(given, SCENARIO, SEEN._replace(earth_m=0.1 * AU), SIZES[6], payload)
+    assert large.link.radio == "iris_patch" and "miniature" not in " ".join(row.name for row in large.rows)
+    _, none = sized(delta_v_m_s=20.0, limits={"propulsion": ["ASCENT monopropellant, miniature"]})
+    assert none.words == "no thrusters of limits.propulsion are made for 6U"
+    # 2 W by 2.5 dB are slower than Iris's 4 W by -0.1 dB: over 0.84 au too slow for anything.
+    _, far = sized(units=3, limits={"units": [3]})
+    assert far.link.radio == "iris_patch"
 
 
 def test_several_limits_at_once_are_told_in_their_units():
