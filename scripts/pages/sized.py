@@ -39,7 +39,7 @@ class Built(NamedTuple):
         mass_kg: Launch mass.
         panels_w: What its panels give at 1 au; None: not in these sources.
         source: Of the numbers.
-        why: What explains the difference.
+        why: What explains the difference; `{bare}` stands for the mass without margins [kg].
     """
 
     name: str
@@ -251,7 +251,7 @@ def main() -> None:
         "asked for is assumed. All of it stands below; the rest is by default, margins included but for that of slants",
         "(`margins.relief` is 1: pixels are those of a passage straight above). It looks for the lightest that does it.",
         "",
-        f"Within 15 % of the mass: {names}, of {len(BUILT)}. **Take the masses as lower bounds**: what is built carries what",
+        f"Within 15 % of the mass: {names}, of {len(BUILT)}. **Take those masses as lower bounds**: what is built carries what",
         "no key asks for, as named below. These five are no independent check of the whole catalogue: after a first",
         "comparison, in which all came out lighter still, it was given the share for cables, brackets and shielding, a heavier",
         "attitude unit, thrusters by the numbers of ArgoMoon's, Lunar Flashlight's and of the BIT-3, none of which is among",

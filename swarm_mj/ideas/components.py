@@ -99,7 +99,8 @@ WHEELS = (
 )
 
 
-#: Spacecraft up to this size are built of miniature parts, where there are such: larger ones fly what has flown on them [U].
+#: Up to this size there are miniature parts; larger spacecraft fly what has flown on them [U]. Assumed: 1U to 3U is what such
+#: parts are sold for.
 MINIATURE_UNITS = 3
 
 
@@ -257,7 +258,7 @@ PROPULSION = (
 )
 
 
-#: What every spacecraft has, from 6U on.
+#: What every spacecraft has; small ones another attitude unit, see `bus_of`.
 BUS = (
     Part("computer", 0.10, 0.10, 1.0, "class of GomSpace NanoMind A3200 on its board"),
     Part("power unit", 0.10, 0.12, 0.3, "class of GomSpace NanoPower P31u"),

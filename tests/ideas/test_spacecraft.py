@@ -260,7 +260,7 @@ def test_small_ones_are_built_of_miniature_parts_and_larger_ones_are_not():
     assert large.link.radio == "iris_patch" and "miniature" not in " ".join(row.name for row in large.rows)
     _, none = sized(delta_v_m_s=20.0, limits={"propulsion": ["ASCENT monopropellant, miniature"]})
     assert none.words == "no thrusters of limits.propulsion are made for 6U"
-    # 2 W by 2.5 dB are slower than Iris's 4 W by -0.1 dB: over 0.84 au too slow for anything.
+    # 2 W by 2.5 dB are slower than Iris's 4 W by -0.1 dB: over 0.84 au slower than its slowest rate.
     _, far = sized(units=3, limits={"units": [3]})
     assert far.link.radio == "iris_patch"
 
