@@ -317,6 +317,16 @@ class CoverProblem(DesignProblem):
         return self.sees.sum(axis=0) >= self.fold
 
     @property
+    def of_use(self) -> Mask:
+        """Who may be in a design that is enough, shape (n_points,): with the most that others could add, each alone, it is."""
+        weights = self.weights / AREA_UNITS
+        own = self.sees @ weights
+        adds = own - (self.sees * weights) @ self.sees.T.astype(np.float64)
+        others = -np.sort(-adds, axis=1)[:, : self.max_observers - 1]
+        enough = 1.0 - (self.slack + self.round_off) / AREA_UNITS
+        return np.asarray(own + others.sum(axis=1) >= enough - 1e-12)
+
+    @property
     def largest_view(self) -> float:
         """The best view's weight; of `fold` views of a face one covers it."""
         return float((self.sees @ self.weights).max()) / self.fold

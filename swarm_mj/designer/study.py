@@ -198,7 +198,8 @@ def study_design(
         workers: See `visibility`.
         tell: Told how far each stage is.
         at_most: Designs of more spacecraft than these are of no use; None: `designer.max_observers`. Where it takes more even
-            of what candidates could see at most, if the body hid nothing, that is told before their pictures are judged.
+            of what candidates could see at most, if the body hid nothing, that is told before their pictures are judged;
+            otherwise those that no such design can have are left out, and evolution by plain operators, which adds nothing.
 
     Returns:
         The answers. Where an interruption (KeyboardInterrupt) comes when a design can already be had, the best one so far; its
@@ -223,10 +224,14 @@ def study_design(
         clock.interrupted = "candidates' pictures"
     else:
         try:
-            work.solve(pareto)
+            work.solve(pareto, plain=reached is None)
         except KeyboardInterrupt:
             clock.interrupted = clock.name
         except MissionError as error:
+            few = isinstance(error, TooFewObserversError) or not work.problem.can_be_covered
+            if few and seen.too_little:  # with these there may be designs, but none of so few
+                assert at_most is not None
+                raise TooFewObserversError(f"no {at_most} spacecraft cover the target", at_most + 1) from None
             dark = np.isin(seen.why, (Cause.DARK, Cause.NEVER_LIT)).any() and not work.problem.can_be_covered
             if not dark or scenario.target.region == "lit":  # which moves with the epoch
                 raise
@@ -234,8 +239,11 @@ def study_design(
     return work.study()
 
 
-def _require_few(scenario: Scenario, reach: Mask, region: TargetRegion) -> None:
+def _require_few(scenario: Scenario, reach: Mask, region: TargetRegion) -> Mask:
     """Refuse what needs too many spacecraft even of what candidates could see at most.
+
+    Returns:
+        Who may be in a design of no more, shape (n,); of as many as are thinned, anybody.
 
     Raises:
         TooFewObserversError: It does.
@@ -253,7 +261,8 @@ def _require_few(scenario: Scenario, reach: Mask, region: TargetRegion) -> None:
     except TooFewObserversError:
         raise
     except MissionError:  # what pictures tell of that says why
-        return
+        return np.ones(len(reach), np.bool_)
+    return problem.of_use if len(reach) < designer.thin_from else np.ones(len(reach), np.bool_)
 
 
 class _Work:
@@ -269,8 +278,13 @@ class _Work:
         self.certainty: list[Level] = []
         self.search: RobustSearch | None = None
 
-    def solve(self, pareto: bool) -> None:
-        """All stages; evolution comes first, so that there is a good design when the proof takes long."""
+    def solve(self, pareto: bool, plain: bool) -> None:
+        """All stages; evolution comes first, so that there is a good design when the proof takes long.
+
+        Args:
+            pareto: Whether to trade spacecraft against delta-v and area too.
+            plain: Whether to evolve by plain operators too.
+        """
         problem, limit = self.problem, self.scenario.designer.time_limit_s
         if self.deadline is not None:
             with self.clock.stage("least delivery", "least delivery"):
@@ -282,7 +296,7 @@ class _Work:
             self.exact = self.prove(limit, _waiting(tell, limit))
         if robust:
             self.secure(limit)
-        else:
+        elif plain:
             self.evolve("plain")
         if pareto:
             from swarm_mj.designer.pareto import pareto_front

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from math import atan, ceil, degrees, log, pi, radians, sqrt, tan
 from typing import Any, NamedTuple
 
@@ -46,6 +47,7 @@ from swarm_mj.observation.radiometry import electrons, signal_to_noise
 from swarm_mj.scenarios.constants import AU, GREEN_LIGHT_M, STANDARD_GRAVITY
 from swarm_mj.scenarios.schema import Scenario, Wheel
 from swarm_mj.scenarios.schema_imaging import Camera
+from swarm_mj.typing import Array
 
 #: Wheels of a spacecraft; and how much more torque and momentum they have than they need.
 WHEEL_COUNT, WHEEL_RESERVE = 3, 1.25
@@ -55,6 +57,8 @@ LIT_AT_DEG = (45.0, 30.0, 60.0)
 SMALLEST_LENS_M, BARREL_M, FASTEST, LENSES = 0.01, 0.05, 1.4, 12
 #: Longest exposure, as `camera.exposure_s` allows [s], and shortest pulse of thrusters, as that of `Thrusters` [s].
 LONGEST_S, PULSE_S = 60.0, 0.01
+#: Programs whose answers are remembered: one spacecraft fits many requirements.
+PROGRAMS = 4096
 #: Most batteries of a spacecraft; and more panels than any carries, to tell how many are needed.
 MOST_BATTERIES, MANY_PANELS = 20, 1000
 #: Hottest that electronics may be, and what its sides emit, for the bound on power [K, -].
@@ -529,10 +533,9 @@ def _lightest(
     ]
     most = row(one_w, one_l, float(size.panels), float(MOST_BATTERIES))
     constraints = [LinearConstraint(np.atleast_2d(a), low, high) for a, low, high in rows]
-    answer = solve_program(grown * mass, constraints, None, most=most)
-    if answer.x is None:
+    x = _solved(grown * mass, constraints, most)
+    if x is None:
         return _lacking(grown * mass, constraints, most, size)
-    x = np.rint(answer.x)
     wheel, k = wheels[int(x[:n_w].argmax())], int(x[n_w : n_w + n_l].argmax())
     link, panels, batteries = links[k], int(x[-2]), int(x[-1])
     dry = built * (fixed_kg + float(mass @ x))
@@ -639,17 +642,32 @@ KEPT = {
 }
 
 
-def _lacking(objective: Any, constraints: list[LinearConstraint], most: Any, size: Size) -> str:
+def _solved(objective: Array, constraints: list[LinearConstraint], most: Array) -> Array | None:
+    """Whole numbers of the least objective; None: there are none. What was solved before is not solved again."""
+    rows = [np.concatenate((each.A[0], each.lb, each.ub)) for each in constraints]
+    table = np.stack([np.append(objective, (0.0, 0.0)), np.append(most, (0.0, 0.0)), *rows])
+    return _solved_table(table.tobytes(), table.shape)
+
+
+@lru_cache(maxsize=PROGRAMS)
+def _solved_table(table: bytes, shape: tuple[int, int]) -> Array | None:
+    rows = np.frombuffer(table).reshape(shape)
+    constraints = [LinearConstraint(row[None, :-2], row[-2], row[-1]) for row in rows[2:]]
+    x = solve_program(rows[0, :-2], constraints, None, most=rows[1, :-2]).x
+    return None if x is None else np.rint(x)
+
+
+def _lacking(objective: Array, constraints: list[LinearConstraint], most: Any, size: Size) -> str:
     """Which one limit, left out, would give the program a solution."""
     more = most.copy()
     more[-2] = MANY_PANELS
-    free = solve_program(objective, constraints, None, most=more)
-    if free.x is not None:
-        return f"{free.x[-2]:.0f} panels are needed, {size.units}U carry {size.panels}"
+    free = _solved(objective, constraints, more)
+    if free is not None:
+        return f"{free[-2]:.0f} panels are needed, {size.units}U carry {size.panels}"
     alone = []
     for k, name in enumerate(KEPT):
         rest = [row for i, row in enumerate(constraints) if i != k + 2]
-        if solve_program(objective, rest, None, most=most).x is not None:
+        if _solved(objective, rest, most) is not None:
             alone.append(name)
     if alone:
         return f"the limit of {' or of '.join(alone)} forbids it"

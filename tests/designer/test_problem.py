@@ -1,4 +1,5 @@
 import re
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -137,3 +138,20 @@ def test_of_designs_that_miss_too_much_the_one_that_misses_less_is_fitter(make_d
     assert np.array_equal(np.argsort(-value.covered_percent, kind="stable"), np.argsort(value.fitness, kind="stable"))
     missing = 100.0 - problem.tolerance_percent - value.covered_percent
     assert value.fitness - 6.0 == pytest.approx(missing / 100.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("fold", [1, 2])
+@pytest.mark.parametrize("most", [1, 2, 3])
+def test_whoever_is_in_a_design_that_is_enough_is_of_use(rng, most, fold):
+    left_out = 0
+    for _ in range(30):
+        sees, area = rng.random((8, 12)) < rng.uniform(0.2, 0.7, (8, 1)), rng.uniform(0.1, 1.0, 12)
+        problem = CoverProblem(sees=sees, area=area, tolerance_percent=40, max_observers=most, fold=fold)
+        designs = [np.array(d) for n in range(1, most + 1) for d in combinations(range(8), n)]
+        share = [area[sees[d].sum(axis=0) >= fold].sum() / area.sum() for d in designs]
+        needed = {j for d, reached in zip(designs, share, strict=True) if reached >= 0.6 for j in d.tolist()}
+        assert needed <= set(np.flatnonzero(problem.of_use).tolist())
+        left_out += int((~problem.of_use).sum())
+        if most == 1:
+            assert problem.of_use.tolist() == (sees @ area / area.sum() >= 0.6).tolist()
+    assert left_out > 0 or most > 2

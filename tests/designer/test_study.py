@@ -189,6 +189,23 @@ def test_what_could_be_seen_at_most_refuses_before_pictures_are_judged(monkeypat
     assert 1 < refused.value.needed <= fewest
 
 
+def test_whom_no_design_of_so_few_has_is_not_judged(monkeypatch):
+    scenario = load_scenario("eros-quick", parse_overrides([*FAST, "designer.tolerance_percent=30"]))
+    whole, few = study_design(scenario), study_design(scenario, at_most=1)
+    assert few.exact.n_observers == whole.exact.n_observers == 1
+    assert 0 < few.visibility.too_little == 51 - len(few.visibility.candidates)
+    enough = {c for c, row in zip(whole.visibility.candidates, whole.problem.sees, strict=True)
+              if whole.problem.is_enough(int(row @ whole.problem.weights))}  # fmt: skip
+    assert enough <= set(few.visibility.candidates)
+    # Pictures that show less than could be seen: none of those that are left is enough, which proves nothing of more than two.
+    seen = Judge.seen
+    monkeypatch.setattr(Judge, "seen", lambda *given, **also: ((j, row & (np.arange(len(row)) > len(row) // 2))
+                                                               for j, row in seen(*given, **also)))  # fmt: skip
+    with pytest.raises(TooFewObserversError) as refused:
+        study_design(scenario, at_most=1)
+    assert refused.value.needed == 2
+
+
 def test_the_literal_reading_needs_one():
     assert study_design(load_scenario("eros-literal", {"observation.interval_s": 100})).exact.n_observers == 1
 

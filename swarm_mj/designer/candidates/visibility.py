@@ -154,6 +154,8 @@ class Visibility:
         thinned: Candidates whose pictures were not judged because another one sees all that they could see at most (of several,
             the first), and that other one; they are not among `candidates`.
         resumed: What was kept from before, in words; empty: nothing.
+        too_little: How many could see so little that no design of as few as are of use has them; they are not among
+            `candidates`.
     """
 
     candidates: list[Candidate]
@@ -170,6 +172,7 @@ class Visibility:
     thinned: list[tuple[Candidate, Candidate]] = field(default_factory=list)
     flights: list[CandidateFlights] = field(default_factory=list)
     resumed: str = ""
+    too_little: int = 0
     looks: Looks | None = None
 
 
@@ -180,7 +183,7 @@ def visibility(
     progress: Progress | None = None,
     flying: Progress | None = None,
     costs: bool = False,
-    reached: Callable[[Mask, TargetRegion], None] | None = None,
+    reached: Reached | None = None,
 ) -> Visibility:
     """Fly every candidate and judge its pictures.
 
@@ -195,7 +198,8 @@ def visibility(
         costs: Whether a candidate of more delta-v may not stand in for one of less; one beyond the deployer never does for one
             that it can release.
         reached: Given what each candidate could see at most if the body hid nothing, shape (n, cells), and the targets, before
-            pictures are judged; what it raises is raised.
+            pictures are judged; what it raises is raised. It says which candidates are of use, shape (n,); the others' pictures
+            are not judged, but where `deliver_within_h`, `probability` or `quality_class` is asked for, or some are thinned.
 
     Returns:
         What they see. Where an interruption (KeyboardInterrupt) comes after the first candidates are judged: what these see,
@@ -231,11 +235,14 @@ def visibility(
         thinned=[(candidates[j], candidates[i]) for j, i in sorted(found.stand_in.items())],
         flights=[] if scenario.designer.deliver_within_h is None else [flights for _, _, flights in flown],
         resumed=_in_words(resumed, (found.pictures_kept, int(found.judged.sum()))),
+        too_little=len(found.too_little),
         looks=found.looks,
     )
 
 
 Flown = list[tuple[int, Scenario, CandidateFlights]]
+#: Who is of use, shape (n,), of those who could see so much at most, shape (n, cells), of targets.
+Reached = Callable[[Mask, TargetRegion], Mask]
 
 
 def _candidate(variant: Scenario, target: int, point: int) -> Candidate:
@@ -311,17 +318,18 @@ class _Sightings:
         self.why = np.zeros(region.n_cells, np.int8)
         self.judged = np.zeros(n, np.bool_)
         self.stand_in: dict[int, int] = {}
+        self.too_little = np.empty(0, np.intp)
         self.pictures_kept = 0
         self.looks: Looks | None = None
 
     @property
     def kept(self) -> Indices:
         """The candidates that are not left out."""
-        return np.delete(np.arange(len(self.judged)), list(self.stand_in))
+        return np.delete(np.arange(len(self.judged)), [*self.stand_in, *self.too_little])
 
     def judge(self, judge: Judge, watchers: Sequence[Watcher], wave: Indices) -> None:
         """Judge the candidates of a wave, row by row, as they are done."""
-        before, first = int(self.judged.sum()) + len(self.stand_in), count()
+        before, first = int(self.judged.sum()) + len(self.stand_in) + len(self.too_little), count()
 
         def tell(done: float) -> None:
             if next(first) == 0:  # called once for all that are kept
@@ -350,7 +358,7 @@ def _judge(
     found: _Sightings,
     workers: int | Runner | None,
     cost: Array,
-    reached: Callable[[Mask, TargetRegion], None] | None,
+    reached: Reached | None,
 ) -> None:
     """Judge all candidates, or with many all that need be."""
     watchers = [Watcher(flights, j) for _, _, flights in flown for j in range(flights.n)]
@@ -360,15 +368,18 @@ def _judge(
         if (quality_class := scenario.designed_class) is not None:
             judge.keep_looks(scenario, quality_class)
         asked = (designer.deliver_within_h, designer.probability, quality_class)
-        thinned = len(watchers) >= designer.thin_from and all(one is None for one in asked)
+        all_count = any(one is not None for one in asked)
+        thinned = len(watchers) >= designer.thin_from and not all_count
         try:
             if thinned or reached is not None:
                 found.tell(0, 0.0)  # the flights are done
                 reach = np.stack([judge.could_see(watcher) for watcher in watchers])
                 if reached is not None:
-                    reached(reach, found.region)
+                    of_use = reached(reach, found.region)
+                    if not (thinned or all_count):
+                        found.too_little = np.flatnonzero(~of_use)
             if not thinned:
-                found.judge(judge, watchers, np.arange(len(watchers)))
+                found.judge(judge, watchers, np.delete(np.arange(len(watchers)), found.too_little))
             else:
                 thinning = Thinning(reach, found.sees, fold=designer.fold, cost=cost)
                 found.stand_in = thinning.stand_in
