@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from swarm_mj.api.checks import score, validate
     from swarm_mj.api.design import Design, Sweeps, design, design_sweeps
     from swarm_mj.api.flight import Flight, fly
-    from swarm_mj.api.ideas import Studied, compare_studies, open_study, rerun_study, studies, study
+    from swarm_mj.api.ideas import Studied, compare_studies, open_study, requirement_keys, rerun_study, studies, study
     from swarm_mj.api.navigate import Navigation, navigate
     from swarm_mj.api.observe import Observation, observe
     from swarm_mj.api.results import open, open_design, report
@@ -66,6 +66,7 @@ __all__ = [
     "packaged",
     "replay",
     "report",
+    "requirement_keys",
     "rerun_study",
     "save_shape",
     "score",
@@ -84,7 +85,15 @@ _HOMES = {
         "api.checks": ("score", "validate"),
         "api.design": ("Design", "Sweeps", "design", "design_sweeps"),
         "api.flight": ("Flight", "fly"),
-        "api.ideas": ("Studied", "compare_studies", "open_study", "rerun_study", "studies", "study"),
+        "api.ideas": (
+            "Studied",
+            "compare_studies",
+            "open_study",
+            "requirement_keys",
+            "rerun_study",
+            "studies",
+            "study",
+        ),
         "api.navigate": ("Navigation", "navigate"),
         "api.observe": ("Observation", "observe"),
         "api.results": ("open", "open_design", "report"),

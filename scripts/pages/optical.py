@@ -119,8 +119,8 @@ the body. *chi-square* is the sum of the squared errors over the covariances tha
 where 95 % of right ones lie. Above it, measurements promise too much; below, too little. *Worst picture* is that of a single
 one.
 
-| body | way | diameter [px] | used | median across [px] | of distance | chi-square | worst picture | time [ms] | why not |
-|---|---|---|---|---|---|---|---|---|---|
+| body | way | diameter [px] | used | median across [px] | of distance | chi-square | worst picture | why not |
+|---|---|---|---|---|---|---|---|---|
 {table}
 
 What pictures err by as they are drawn is small beside noise, since samples that an edge of the mesh parts share their areas as
@@ -209,7 +209,6 @@ def measured(studio: Studio, way: Callable[[SeenPicture], Fix | Rejected], case:
     name, sizes = case.way + case.words, case.sizes
     rng, total, dof, errors, why = np.random.default_rng(0), 0.0, 0, [], Counter[str]()
     along, worst = [], 0.0
-    begun = time.perf_counter()
     for _ in range(count):
         distance = 2.0 * studio.radius * LENS.focal_px / float(np.exp(rng.uniform(*np.log(sizes))))
         r_A, C_CA, sun_A = geometry(rng, distance, case)
@@ -225,14 +224,13 @@ def measured(studio: Studio, way: Callable[[SeenPicture], Fix | Rejected], case:
         errors.append(float(np.linalg.norm(across)))
         if len(error) == 3:
             along.append(abs(float((C_CA @ error)[2])) / distance)
-    each_ms = 1e3 * (time.perf_counter() - begun) / count
     if not errors:
-        return f"{name} | {sizes[0]:g} to {sizes[1]:g} | 0 of {count} | | | | | | {_reasons(why)} |"
+        return f"{name} | {sizes[0]:g} to {sizes[1]:g} | 0 of {count} | | | | | {_reasons(why)} |"
     far = f"{np.median(along):.1e}" if along else "-"
     low, high = chi2.ppf([0.025, 0.975], dof) / dof
     return (
         f"{name} | {sizes[0]:g} to {sizes[1]:g} | {len(errors)} of {count} | {np.median(errors):.3g} | {far} | "
-        f"{total / dof:.2f} ({low:.2f} to {high:.2f}) | {worst:.1f} | {each_ms:.0f} | {_reasons(why)} |"
+        f"{total / dof:.2f} ({low:.2f} to {high:.2f}) | {worst:.1f} | {_reasons(why)} |"
     )
 
 
