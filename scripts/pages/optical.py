@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
+import re
 import tempfile
 import time
 from collections import Counter
@@ -18,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import trimesh
+from scipy.special import chdtri
 from scipy.stats import chi2
 
 import swarm_mj as sm
@@ -28,6 +30,7 @@ from swarm_mj.flight.environment import load_body_shape
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.machine import usable_cores
 from swarm_mj.navigation.centroid import measure_centroid
+from swarm_mj.navigation.filter import GATE
 from swarm_mj.navigation.landmarks import FLOOR, measure_landmarks
 from swarm_mj.navigation.limb import EDGE_FLOOR, measure_horizon, measure_limb
 from swarm_mj.navigation.picture import FEWEST_SAMPLES, TAKEN_SAMPLES, Fix, Predictor, Rejected, SeenPicture
@@ -117,11 +120,13 @@ Attitudes are exact. The model is the body itself: what a shape, an albedo or a 
 `centroid_model`, `limb_model_px` and `landmark_model_px` of flights, and left out here. *Diameter* is that of the sphere about
 the body. *chi-square* is the sum of the squared errors over the covariances that measurements say, a component; in brackets
 where 95 % of right ones lie. Above it, measurements promise too much; below, too little. *Worst picture* is that of a single
-one.
+one. Not used is also what a filter that knows the position as well would refuse, as that of flights does.
 
 | body | way | diameter [px] | used | median across [px] | of distance | chi-square | worst picture | why not |
 |---|---|---|---|---|---|---|---|---|
 {table}
+
+{outside}
 
 What pictures err by as they are drawn is small beside noise, since samples that an edge of the mesh parts share their areas as
 the edge divides them; shadows have none of that. Limbs allow for what is left by one number for a size of the body on the
@@ -217,6 +222,11 @@ def measured(studio: Studio, way: Callable[[SeenPicture], Fix | Rejected], case:
         if isinstance(fix, Rejected):
             why[fix.why] += 1
             continue
+        # Left out, as the filter does: what is too unlikely where so much is known beforehand.
+        S = (PRIOR * distance) ** 2 * fix.H @ fix.H.T + fix.R
+        if not float(fix.y @ np.linalg.solve(S, fix.y)) < chdtri(len(fix.y), GATE):
+            why["wild, which the filter refuses"] += 1
+            continue
         error = fix.y + fix.H @ off
         squares = float(error @ np.linalg.solve(fix.R, error))
         total, dof, worst = total + squares, dof + len(error), max(worst, squares / len(error))
@@ -232,6 +242,14 @@ def measured(studio: Studio, way: Callable[[SeenPicture], Fix | Rejected], case:
         f"{name} | {sizes[0]:g} to {sizes[1]:g} | {len(errors)} of {count} | {np.median(errors):.3g} | {far} | "
         f"{total / dof:.2f} ({low:.2f} to {high:.2f}) | {worst:.1f} | {_reasons(why)} |"
     )
+
+
+def _outside(rows: list[str]) -> str:
+    """How many rows promise too much or too little."""
+    found = [re.search(r"\| ([\d.]+) \(([\d.]+) to ([\d.]+)\) \|", row) for row in rows]
+    shown = [tuple(map(float, each.groups())) for each in found if each is not None]
+    above, below = sum(value > high for value, _, high in shown), sum(value < low for value, low, _ in shown)
+    return f"Of {len(shown)} rows {above} lie above their brackets and {below} below; by chance one or two would."
 
 
 def _reasons(why: Counter[str]) -> str:
@@ -401,6 +419,7 @@ def main() -> None:
             speed=speed,
             mitsuba=mitsuba,
             table="\n".join(table),
+            outside=_outside(table),
             filtered=f"{FILTERED:,}",
             filter="\n".join(row_of_filter(case, FILTERED) for case in CASES_OF_FILTER),
             flown="\n".join(flown),
