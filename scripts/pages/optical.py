@@ -102,7 +102,7 @@ FLIGHTS: dict[str, dict[str, Any]] = {
 
 PAGE_TEXT = """# Pictures and navigation by them, measured
 
-Written by `python -m scripts.pages.optical --pictures {count}`. How it works: [Light and pictures](../theory/light.md),
+Written by `python -m scripts.pages.optical --pictures {plain}`. How it works: [Light and pictures](../theory/light.md),
 [Navigate by pictures](../how-to/optical_navigation.md).
 
 ## Pictures
@@ -412,6 +412,7 @@ def main() -> None:
         PAGE,
         PAGE_TEXT.format(
             count=f"{count:,}",
+            plain=count,
             taken=TAKEN_SAMPLES,
             predicted=FEWEST_SAMPLES,
             floor=FLOOR,
