@@ -93,6 +93,16 @@ def test_centres_of_brightness_err_as_they_say(studio):
     assert all(isinstance(fix, Fix) for fix in found)
 
 
+def test_centroids_of_parts_that_the_prediction_lacks_are_refused(studio):
+    rng = np.random.default_rng(7)
+    r_A, C_CA, sun_A = geometry(rng, studio.distance(20.0), 0.6)
+    seen = studio.shot(r_A, C_CA, sun_A, rng, r_A)
+    for by, kind in ((3, Fix), (18, Rejected)):
+        twice = replace(seen, signal=np.maximum(seen.signal, np.roll(seen.signal, by, 1)))
+        assert isinstance(found := measure_centroid(twice, studio.predictor), kind)
+    assert found.why == "its lit parts are not those of the predicted picture"
+
+
 def test_limbs_err_as_they_say_and_tell_the_distance(studio):
     found = consistent(studio, lambda seen: measure_limb(seen, studio.predictor), (25.0, 90.0), 10, 2)
     assert sum(isinstance(fix, Fix) for fix in found) >= 9
