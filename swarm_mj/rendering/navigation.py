@@ -123,5 +123,5 @@ def _inside(view: Projection, points_N: Array) -> list[tuple[float, float]]:
 def known_to(belief: Belief, j: int) -> str:
     """How well spacecraft j knows where it is, in words."""
     largest = SIGMAS * float(np.sqrt(np.linalg.eigvalsh(belief.covariance[j])[-1]))
-    size = f"{largest:.3g} m" if largest < 1e4 else f"{largest / 1e3:.3g} km"
+    size = f"{largest:.3g} m" if largest < 999.5 else f"{largest / 1e3:.3g} km"
     return f"knows its place to {size} (yellow, {SIGMAS:g} sigma)"
