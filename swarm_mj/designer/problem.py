@@ -318,7 +318,10 @@ class CoverProblem(DesignProblem):
 
     @property
     def of_use(self) -> Mask:
-        """Who may be in a design that is enough, shape (n_points,): with the most that others could add, each alone, it is."""
+        """Who may be in a design of at most `max_observers` that is enough, shape (n_points,).
+
+        Nobody else is: even with the others that add the most to it, as if these shared nothing, it would not be enough.
+        """
         weights = self.weights / AREA_UNITS
         own = self.sees @ weights
         adds = own - (self.sees * weights) @ self.sees.T.astype(np.float64)
