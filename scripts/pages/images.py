@@ -30,6 +30,7 @@ COMMANDS = {
         "--set",
         "trajectory.corrections=[{after_release_s: 60}, {before_arrival_s: 120}]",
     ),
+    "bennu-optical": ("fly", "bennu-slow", "--set", "navigation.mode=optical"),
     "eros-formation": (
         "fly",
         "eros-config2",
@@ -78,6 +79,7 @@ PICTURES = (
     ("eros-config1", "illumination"),
     ("eros-config1", "wheel_speed"),
     ("eros-config1", "wheel_momentum"),
+    ("bennu-optical", "navigation"),
     ("eros-thrusters", "propulsion"),
     ("eros-formation", "formation"),
     ("eros-config1", "links"),

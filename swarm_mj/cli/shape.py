@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -67,7 +68,8 @@ def _describe(shape: ShapeModel, out: Path | None) -> int:
     print(
         f"{shape.name}: {len(shape.vertices)} vertices, {len(shape.faces)} faces, closed, normals outward; "
         f"volume {shown_size(shape.volume, 3)}, area {shown_size(shape.surface_area, 2)}, "
-        f"radius up to {shown_size(shape.max_radius, 1)}"
+        f"radius up to {shown_size(shape.max_radius, 1)}, centre of volume {hypot(*shape.centroid):.3g} m from "
+        "the origin"
     )
     if out:
         save_shape(shape, out)

@@ -11,7 +11,7 @@ from swarm_mj.io import interruption
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.capture import lit
 from swarm_mj.observation.coverage import rounded_down
-from swarm_mj.observation.raycast import RayTracer
+from swarm_mj.observation.raycast import tracer_of
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array
 
@@ -60,7 +60,7 @@ def _lit_shares(region: TargetRegion, sun_A: list[Array], limit_deg: float, aske
 
     Shadows only take away, and are traced only where what the incidence leaves would be enough.
     """
-    tracer, share = RayTracer(region.vertices, region.faces), np.zeros(len(sun_A))
+    tracer, share = tracer_of(region.mesh), np.zeros(len(sun_A))
     cells = [lit(region, sun, max_incidence_deg=limit_deg) for sun in sun_A]
     at_most = np.array([region.weighted_area[chosen].sum() for chosen in cells]) / region.total_weighted_area
     for k in np.argsort(-at_most, kind="stable"):

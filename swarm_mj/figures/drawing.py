@@ -31,6 +31,7 @@ Progress = Callable[[float], None]
 #: Figures that not every flight has something for, and whether one has; the others are always drawn.
 OPTIONAL: dict[str, Callable[[xr.Dataset], bool]] = {
     "propulsion": lambda flown: "delta_v_m_s" in flown and bool((flown["delta_v_m_s"].values[-1] > 0.0).any()),
+    "navigation": lambda flown: "r_BN_N_estimate" in flown,
     "formation": lambda flown: "formation_error" in flown,
 }
 

@@ -1,7 +1,8 @@
-"""Attitude over time, one panel per spacecraft: tracking error (AAS 19-144, Figures 9, 10), pointing error, wheels."""
+"""Over time, one panel per spacecraft: tracking error (AAS 19-144, Figures 9, 10), pointing error, navigation, wheels."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -16,6 +17,7 @@ from swarm_mj.figures.panels import compose_panels
 from swarm_mj.figures.timescale import time_scale
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
+from swarm_mj.simulator.telemetry import longest_sigma
 from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
 from swarm_mj.typing import Array, Indices
 
@@ -129,6 +131,49 @@ def compose_pointing_error(plan: Plan, telemetry: xr.Dataset, result: Observatio
         handles=[Line2D([], [], color=BLUE, linewidth=1.2, label=name)],
         log=True,
     )
+
+
+def compose_navigation(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """What navigation by pictures errs by and says it does, on a logarithmic axis, and the pictures that it had."""
+    off = telemetry["r_BN_N_estimate"].values - telemetry["r_BN_N"].values
+    error, sigma_3 = np.linalg.norm(off, axis=-1), 3.0 * longest_sigma(telemetry)
+    some, times = _drawn(plan, telemetry)
+    records = json.loads(telemetry.attrs["navigation"])
+    seconds = time_scale(plan, telemetry).axis.seconds
+    low, high = (float(f(each[some])) for f, each in ((np.nanmin, np.minimum(error, sigma_3)), (np.nanmax, sigma_3)))
+    low, high = np.log10(max(low, 1e-3)) - 0.6, np.log10(max(high, float(error.max()), 1e-3)) + 0.3
+    marks = {"centroid": "o", "limb": "s", "landmarks": "^", "range": "d"}
+
+    def draw(ax: Axes, j: int) -> None:
+        ax.plot(times, sigma_3[some, j], color=ORANGE, linewidth=1.6, linestyle=DASHES[1])
+        ax.plot(times, np.maximum(error[some, j], 10.0**low), color=BLUE, linewidth=1.2)
+        own = [one for one in records if plan.names[j] in one["spacecraft"].split("-")]
+        for way, mark in marks.items():
+            at = [one["t"] / seconds for one in own if one["kind"] == way and not one["why"]]
+            ax.plot(at, np.full(len(at), 10.0 ** (low + 0.25)), mark, color=BLACK, markersize=4.5, fillstyle="none")
+        at = [one["t"] / seconds for one in own if one["why"]]
+        ax.plot(at, np.full(len(at), 10.0 ** (low + 0.25)), "x", color=VERMILLION, markersize=4.5)
+
+    had = [way for way in marks if any(one["kind"] == way and not one["why"] for one in records)]
+    return compose_panels(
+        plan,
+        telemetry,
+        title="Navigation by pictures",
+        y_label="error of the position [m]",
+        draw=draw,
+        limits=(10.0**low, 10.0**high),
+        handles=[
+            Line2D([], [], color=BLUE, linewidth=1.2, label="error"),
+            Line2D([], [], color=ORANGE, linewidth=1.6, linestyle=DASHES[1], label="3 sigma, longest axis"),
+            *(_mark(marks[way], BLACK, f"used: {way}") for way in had),
+            *([_mark("x", VERMILLION, "not used")] if any(one["why"] for one in records) else []),
+        ],
+        log=True,
+    )
+
+
+def _mark(marker: str, colour: str, label: str) -> Line2D:
+    return Line2D([], [], color=colour, marker=marker, linestyle="none", fillstyle="none", markersize=5, label=label)
 
 
 def _components(plan: Plan, telemetry: xr.Dataset, values: Array) -> Callable[[Axes, int], None]:

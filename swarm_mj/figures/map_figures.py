@@ -44,11 +44,12 @@ from swarm_mj.figures.scene import scene_from
 from swarm_mj.figures.style import HALO, caption, new_figure
 from swarm_mj.figures.timescale import arrival_words, time_scale
 from swarm_mj.figures.units import instant, note_of_omission, shown_spacecraft, time_axis
-from swarm_mj.figures.view import HIDING_DEPTH, depth_of, face_colours, tracer_of, unit
+from swarm_mj.figures.view import HIDING_DEPTH, depth_of, face_colours, unit
 from swarm_mj.flight.observe import ObservationResult, arrival_sample, arrival_samples, camera_from, flight_pictures
 from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.coverage import percent_text
+from swarm_mj.observation.raycast import tracer_of
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Indices, Mask
 

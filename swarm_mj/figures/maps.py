@@ -16,8 +16,9 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from swarm_mj.figures.palette import AMBIENT
 from swarm_mj.figures.style import label, tidy
-from swarm_mj.figures.view import depth_of, shade, tracer_of
+from swarm_mj.figures.view import depth_of, shade
 from swarm_mj.mission.target import TargetRegion, directions, place_of
+from swarm_mj.observation.raycast import tracer_of
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Indices
 

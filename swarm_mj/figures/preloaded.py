@@ -19,7 +19,7 @@ from swarm_mj.figures.numbering import name_beside
 from swarm_mj.figures.palette import BLACK
 from swarm_mj.figures.panels import legend_below
 from swarm_mj.figures.style import caption, new_figure, write
-from swarm_mj.figures.view import tracer_of
+from swarm_mj.observation.raycast import tracer_of
 from swarm_mj.smallbody.shape import ShapeModel
 
 

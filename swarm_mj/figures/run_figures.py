@@ -17,6 +17,7 @@ from swarm_mj.figures.behaviors import compose_behaviors
 from swarm_mj.figures.curves import compose_coverage, compose_formation, compose_propulsion
 from swarm_mj.figures.data import compose_data, compose_delivered_map
 from swarm_mj.figures.histories import (
+    compose_navigation,
     compose_pointing_error,
     compose_tracking_error,
     compose_wheel_momentum,
@@ -41,6 +42,7 @@ COMPOSERS: dict[str, Compose] = {
     "target": compose_target,
     "tracking_error": compose_tracking_error,
     "pointing_error": compose_pointing_error,
+    "navigation": compose_navigation,
     "operation": compose_operation,
     "coverage": compose_coverage,
     "ground_track": compose_ground_track,

@@ -8,7 +8,6 @@ body-fixed frame in metres; the plane of the picture is in kilometres.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.figures.palette import AMBIENT, GROUND
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.raycast import RayTracer
+from swarm_mj.observation.raycast import tracer_of
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Indices, Mask
 
@@ -62,12 +61,6 @@ class View:
     def before(self, points: Array, body: ShapeModel) -> Mask:
         """Whether points (n, 3) [m] cover part of the body in the picture, shape (n,)."""
         return _meets(points, -self.toward, body)
-
-
-@lru_cache(maxsize=4)
-def tracer_of(body: ShapeModel) -> RayTracer:
-    """Rays against a body's mesh; the figures of a flight share it."""
-    return RayTracer(body.vertices, body.faces)
 
 
 def _meets(points: Array, direction: Array, body: ShapeModel) -> Mask:

@@ -21,6 +21,7 @@ from swarm_mj.mission.target import TargetRegion
 from swarm_mj.mission.trajectories import Deployment, propagate
 from swarm_mj.observation.camera import CameraMotion, look_at, motion_blur_px
 from swarm_mj.observation.capture import limits_of, sight
+from swarm_mj.scenarios.constants import GRAVITATIONAL_CONSTANT
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.slew import slew_time, turning_limits
@@ -31,6 +32,8 @@ from swarm_mj.typing import Array
 KNOWN = (AdaptableRoles, DedicatedCommunications, TargetSweep)
 #: Tolerance of paths that only serve to know how fast they are flown.
 ROUGH = 1e-6
+#: Share of the radius from which a mesh that is off its centre is worth a remark; mean densities of small bodies [kg/m^3].
+OFF_CENTRE, DENSITIES = 0.01, (300.0, 8000.0)
 #: Farthest that a path may go astray because gravity is held for a control period [m].
 GRAVITY_DRIFT_M = 1.0
 #: Farthest that a line of sight may turn within a control period [rad]: torques are held as long.
@@ -133,7 +136,24 @@ class EncounterCheck:
         """
         if self.known:
             self._require_inside()
-        return (*self._of_wheels(), *self._of_steps(), *self._of_pictures(), *self._of_motion_blur())
+        return (*self._of_body(), *self._of_wheels(), *self._of_steps(), *self._of_pictures(), *self._of_motion_blur())
+
+    def _of_body(self) -> list[str]:
+        """Origin and density of the body."""
+        mesh, gm, found = self.region.mesh, getattr(self.environment.gravity, "gm", None), []
+        away = float(np.linalg.norm(mesh.centroid))
+        if (share := away / mesh.max_radius) > OFF_CENTRE:
+            found.append(
+                f"{mesh.name}: the centre of its volume lies {away:.3g} m from the origin ({100.0 * share:.2g} % of its "
+                "radius), which paths and gravity take for the centre of mass; shift the mesh if it is not"
+            )
+        density = (gm or 0.0) / (GRAVITATIONAL_CONSTANT * mesh.volume)
+        if gm and not DENSITIES[0] <= density <= DENSITIES[1]:
+            found.append(
+                f"{mesh.name}: a mean density of {density:.3g} kg/m^3 follows from its mesh and gravity; small bodies have "
+                f"{DENSITIES[0]:g} to {DENSITIES[1]:g}: see units of body.gravity.parameters and body.shape_unit"
+            )
+        return found
 
     def _require_inside(self) -> None:
         scenario, met = self.scenario, self.arrival

@@ -170,7 +170,9 @@ class OpticalNavigator:
     def sampled(self, simulation: Simulation) -> dict[str, NDArray[Any]]:
         """Estimates and what their filters believe of them."""
         r_N, v_N = simulation.state.known()
-        sigma, shares = correlated(self._covariance)
+        # As estimates go on by their velocities until the next look, so do their covariances.
+        carry = np.hstack((np.eye(3), (simulation.time - self._written) * np.eye(3)))
+        sigma, shares = correlated(carry @ self._covariance @ carry.T)
         return {
             "r_BN_N_estimate": r_N,
             "v_BN_N_estimate": v_N,
@@ -206,11 +208,10 @@ class OpticalNavigator:
         spin_N = self.plan.environment.spin_N
         return SwarmFilter(forces, gm, spin_N, self._noise, t, start[:, :3], start[:, 3:], P)
 
-    def measured(self, picture: Picture, position_sigma: float) -> Fix | Rejected:
-        """What a picture would tell that is taken from where and how it is believed to be."""
-        return measure(
-            self._seen(picture, picture.pose), self._predictor, self.plan.scenario.navigation.optical, position_sigma
-        )
+    def measured(self, picture: Picture, believed_r_A: Array, position_sigma: float) -> Fix | Rejected:
+        """What a picture would tell, its attitude known, that is believed to be taken from elsewhere [m], shape (3,)."""
+        seen = self._seen(picture, picture.pose).at(believed_r_A)
+        return measure(seen, self._predictor, self.plan.scenario.navigation.optical, position_sigma)
 
     def _seen(self, picture: Picture, pose: CameraPose) -> SeenPicture:
         """A picture taken, as navigation is given it with a believed pose."""
@@ -382,11 +383,11 @@ class OpticalNavigator:
             now = self._filters
         else:
             now = [each.coast(t, self._pushes(g)) for g, each in enumerate(self._filters)]
-        self._covariance = np.empty((self.plan.n, 3, 3))
+        self._written, self._covariance = t, np.empty((self.plan.n, 6, 6))
         for j, (g, own) in self._place.items():
             flights.off_r_N[0, j] = now[g].r_N[own] - state.r_N[j]
             flights.off_v_N[0, j] = now[g].v_N[own] - state.v_N[j]
-            self._covariance[j] = now[g].covariance(own)[:3, :3]
+            self._covariance[j] = now[g].covariance(own)
         flights.guessed_at[0], flights.guessing[0] = t, True
 
     def _pushes(self, g: int) -> list[tuple[float, int, Array]]:

@@ -185,7 +185,8 @@ class _Along:
         self._navigator, self._j = navigator, j
         # At the release, cameras do not point at the body yet.
         self._due = start.t + navigator.seconds_to_next(start.r_N, start.v_N)
-        # What is believed errs at first as in a flight of this seed, then by what pictures leave of that: by it cameras point.
+        # What is believed errs at first as in a flight of this seed, then by what pictures leave of that: by it cameras point,
+        # and from there pictures are searched for what is predicted.
         self._error = np.zeros(len(start.x))
         drawn = stream(navigator.plan.scenario.seed, Stream.FIRST_KNOWLEDGE, j).standard_normal(6)
         self._error[:6] = np.sqrt(np.diag(start.covariance(0))[:6]) * drawn
@@ -213,7 +214,8 @@ class _Along:
         C_AN = plan.environment.C_AN(t)
         pose = look_at(C_AN @ each.r_N[0], -C_AN @ self._error[:3])
         picture = Picture(t, self._j, pose.r_A, pose.C_CA, C_AN @ plan.environment.sun.at(t))
-        fix = self._navigator.measured(picture, each.position_sigma(0))
+        believed_r_A = pose.r_A + C_AN @ self._error[:3]
+        fix = self._navigator.measured(picture, believed_r_A, each.position_sigma(0))
         if not isinstance(fix, Fix):
             self.refused[fix.why] = self.refused.get(fix.why, 0) + 1
             return np.eye(len(each.x))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from swarm_mj.mission.target import (
     place_of,
 )
 from swarm_mj.observation.companion import Screen
-from swarm_mj.observation.raycast import RayTracer
+from swarm_mj.observation.raycast import tracer_of
 from swarm_mj.scenarios.itinerary import Stop, all_targets, itinerary
 from swarm_mj.scenarios.schema import Scenario, Target
 from swarm_mj.simulator.faults.dispersions import shifted_target, target_shift
@@ -131,8 +132,14 @@ def _region(scenario: Scenario, shape: ShapeModel, features: Sequence[Feature]) 
     cell_size = target.cell_size_m
     if cell_size == "auto":
         cell_size = automatic_cell_size(scenario.design.imaging_altitude_m, scenario.camera.half_angle_deg)
-    region = build_targets(shape, features, cell_size_m=cell_size, kind=target.region)
+    region = _built(shape, tuple(features), cell_size, target.region)
     return region.restricted(_lit(scenario, region)) if target.region == "lit" else region
+
+
+@lru_cache(maxsize=4)
+def _built(shape: ShapeModel, features: tuple[Feature, ...], cell_size_m: float | None, kind: str) -> TargetRegion:
+    """Built once for all that ask for the same, as flights of a campaign and kinds of a study do."""
+    return build_targets(shape, features, cell_size_m=cell_size_m, kind=kind)
 
 
 def _lit(scenario: Scenario, region: TargetRegion) -> Mask:
@@ -143,7 +150,7 @@ def _lit(scenario: Scenario, region: TargetRegion) -> Mask:
         times = np.arange(0.0, scenario.duration_s + 0.5 * observation.interval_s, observation.interval_s)
     if scenario.target.lit_at == "arrival":
         times = np.array([design.release_s + design.time_of_flight_s])
-    tracer = RayTracer(region.vertices, region.faces)
+    tracer = tracer_of(region.mesh)
     around, companion = epoch_state(scenario), companion_from(scenario)
     screen = None if companion is None else Screen(companion, around)
     found = lit_sometime(region, around, times, observation.max_incidence_deg, tracer=tracer, screen=screen)

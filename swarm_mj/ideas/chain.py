@@ -286,10 +286,7 @@ def run_study(
     built = [found for *_, found in options if isinstance(found, Spacecraft)]
     search = _Search(asked, given, seen, known, campaign, workers, tell)
     built.sort(key=lambda one: (least_swarm_kg(asked, seen, one), one.mass_kg))
-    search.begin(built)
-    for rank, one in enumerate(built):
-        interruption.check()
-        search.judge(rank, one)
+    search.find(built)
     tried, best = [*refused, *search.tried], search.best
     tell("which requirement drives?")
     indices: list[Index] = []
@@ -355,6 +352,10 @@ class _Search:
         self.workers = workers
         self.tried: list[Tried] = []
         self.best: _Best | None = None
+        #: What the known study's swarm would weigh [kg], and the rank of its kind, until it flew.
+        self.assumed: tuple[float, int] | None = None
+        #: Observers of kinds that designs have proven to be needed.
+        self.proven: dict[str, int] = {}
         self.taken = ""
         #: Of swarms that miss one requirement alone, its key, by how much, and what became of the kind.
         self.near: list[tuple[str, Check, Tried]] = []
@@ -368,7 +369,7 @@ class _Search:
 
     def least(self, one: Spacecraft) -> int:
         """Observers without which a kind cannot do it."""
-        least = least_observers(self.asked, self.seen, one.payload)
+        least = max(least_observers(self.asked, self.seen, one.payload), self.proven.get(one.name, 0))
         return max(least, self.known.counts.get(one.name, 0)) if self.known is not None and self.harder else least
 
     def weight(self, one: Spacecraft, observers: int) -> float:
@@ -377,20 +378,42 @@ class _Search:
 
     def lighter(self, rank: int, one: Spacecraft, observers: int, allowed: float) -> bool:
         """Whether a swarm of so many observers would be lighter than the best so far, and not heavier than is allowed [kg]."""
-        weight = self.weight(one, observers)
-        return weight <= allowed and (self.best is None or (weight, rank) < self.best[:2])
+        weight, best = self.weight(one, observers), self.assumed if self.best is None else self.best[:2]
+        return weight <= allowed and (best is None or (weight, rank) < best)
 
-    def begin(self, built: Sequence[Spacecraft]) -> None:
-        """Fly the known study's swarm: what is not lighter need not be designed."""
-        if self.known is None:
+    def find(self, built: Sequence[Spacecraft]) -> None:
+        """Judge all kinds; with a known study, first those that could be lighter than its swarm.
+
+        That flies where none of them meets the requirement. Where it does not either, or is heavier in flight than it was taken
+        for, all are judged without it.
+        """
+        known = self.known
+        rank = next((k for k, one in enumerate(built) if known is not None and one.name == known.kind), None)
+        swarm = len(known.design["visiting_points"]) if known is not None else 0
+        if known is None or rank is None or swarm < self.least(built[rank]):
+            self._judge_all(built)
             return
+        one, weight = built[rank], self.weight(built[rank], swarm)
+        self.assumed = weight, rank
+        self._judge_all(built)
+        if self.best is not None:
+            self.taken = f"as a bound the weight of its swarm of {one.name}, {weight:.3g} kg,"
+            return
+        least, words = self.least(one), "as in the known study"
+        if swarm == least:
+            words += ", and no fewer can do"
+        met = self._try(rank, one, self.weight(one, least), known.design, None, words)
+        if met:
+            self.taken = f"its swarm of {one.name}"
+        if self.best is None or self.best.weight > weight:
+            self.assumed, self.near = None, []
+            self.tried = self.tried[-1:] if met else []
+            self._judge_all(built)
+
+    def _judge_all(self, built: Sequence[Spacecraft]) -> None:
         for rank, one in enumerate(built):
-            if one.name == self.known.kind:
-                least, words = self.least(one), "as in the known study"
-                if len(self.known.design["visiting_points"]) == least:
-                    words += ", and no fewer can do"
-                if self._try(rank, one, self.weight(one, least), self.known.design, None, words):
-                    self.taken = f"its swarm of {one.name}"
+            interruption.check()
+            self.judge(rank, one)
 
     def judge(self, rank: int, one: Spacecraft) -> None:
         """Design and fly a kind's swarm, where it could be lighter than the best so far."""
@@ -399,6 +422,8 @@ class _Search:
         room = (least + self.seen.idle) * one.size.units
         if self.best is not None and self.best.rank == rank and self.best.flown.plan.n_observers <= least:
             return
+        if self.best is None and self.assumed == (self.weight(one, least), rank):
+            return  # it flies if no other kind is lighter
         if limits.swarm_u is not None and room > limits.swarm_u:
             words = f"{least} or more take up {room} U, {limits.swarm_u:g} U are allowed"
         elif not self.lighter(rank, one, least, allowed):
@@ -409,7 +434,7 @@ class _Search:
         self.tried.append(Tried(one.name, one.mass_kg, bound, None, words))
 
     def _no_less_than(self, allowed: float) -> str:
-        best = np.inf if self.best is None else self.best.weight
+        best = np.inf if (known := self.best or self.assumed) is None else known[0]
         return f"no less than {best:.3g} kg" if best <= allowed else f"{allowed:.3g} kg are allowed"
 
     def _design(self, rank: int, one: Spacecraft, bound: float, allowed: float) -> None:
@@ -424,6 +449,7 @@ class _Search:
             self.workers,
             lambda stage, share: self.tell(f"{one.name}, {one.mass_kg:.3g} kg each: {stage}, {100 * share:.0f} %"),
         )
+        self.proven[one.name] = needed
         if study is None and needed and most < limits.spacecraft:
             weight = self.weight(one, needed)
             words = (
@@ -602,8 +628,8 @@ def _delivered_h(asked: Requirement, delivery: Delivery, end_s: float) -> tuple[
         used = np.nan_to_num(delivery.earth_bit / delivery.earth_contact_bit)
     busy_h = float((np.diff(delivery.edges_s) @ used).max()) / 3600.0
     with_pauses_h = busy_h * 24.0 / asked.contact_h
-    words = f"flown: {visible_h:.3g} h without a pause, in which one sends for {busy_h:.3g} h; with contacts of "
-    return max(visible_h, with_pauses_h), words + f"{asked.contact_h:g} h a day {with_pauses_h:.3g} h"
+    words = f"flown: {visible_h:.3g} h after the flight without a pause, in which one sends for {busy_h:.3g} h; in contacts of "
+    return max(visible_h, with_pauses_h), words + f"{asked.contact_h:g} h a day, evenly spread, {with_pauses_h:.3g} h"
 
 
 def _forbidden(

@@ -289,8 +289,10 @@ def payload_for(
     sharp = min(sizing.smear_exposure(pixel * altitude_m, asked.max_blur_px, max(seen.speed, 1e-6)), LONGEST_S)
     reached, aperture, exposure = 0.0, least, sharp
     mu0, mu, phase = (float(np.cos(np.radians(angle))) for angle in LIT_AT_DEG)
-    # Ground at the angles of the signal, and facets there that face the Sun, by which exposures end.
-    factors = np.array([radiance_factor(seen.surface, each, mu, phase) for each in (mu0, 1.0)])
+    # Ground at the angles of the signal, and facets that face the Sun, by which exposures end: their emission is the phase.
+    factors = np.array(
+        [radiance_factor(seen.surface, mu0, mu, phase), radiance_factor(seen.surface, 1.0, phase, phase)]
+    )
     for aperture in np.geomspace(least, most, LENSES):
         camera = Camera(
             half_angle_deg=1.0,

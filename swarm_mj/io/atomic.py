@@ -36,9 +36,9 @@ FILES = {
 }
 #: Stems of their figures, each a PNG and perhaps a PDF.
 FIGURES = {
-    "run": ("behaviors", "trajectories", "target", "tracking_error", "pointing_error", "operation", "coverage", "ground_track",
-            "footprints", "illumination", "wheel_speed", "wheel_momentum", "propulsion", "links", "contacts", "data",
-            "delivered_map", "formation"),
+    "run": ("behaviors", "trajectories", "target", "tracking_error", "pointing_error", "navigation", "operation", "coverage",
+            "ground_track", "footprints", "illumination", "wheel_speed", "wheel_momentum", "propulsion", "links", "contacts",
+            "data", "delivered_map", "formation"),
     "design": ("history", "gene_map", "cover", "pareto", "certainty"),
 }  # fmt: skip
 

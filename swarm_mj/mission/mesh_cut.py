@@ -4,7 +4,7 @@ Every operation here splits edges, never single faces: both faces of an edge get
 mesh stays closed and no pixel or ray can slip through a T-junction. Lengths are in metres; the frame is the mesh's own.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -22,7 +22,8 @@ MAX_FACES = 400_000
 ON_PLANE = 1e-12
 
 
-class Cuts(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Cuts:
     """Planes through the origin along which a mesh is cut, all around or along arcs."""
 
     normal: Array  #: of each plane, of unit length, shape (P, 3)
@@ -130,7 +131,7 @@ def refine_mesh(vertices: Vertices, faces: Faces, chosen: Mask, longest_edge: fl
         if len(faces) > MAX_FACES:
             raise MissionError(
                 f"cells of {longest_edge:.3g} m would cut the mesh into more than {MAX_FACES:,} faces: set a larger "
-                "target.cell_size_m (with 'auto' it follows the camera's half-angle), or null for whole faces"
+                "target.cell_size_m (with 'auto' it follows altitude [m] and half-angle of the camera), or null for whole faces"
             )
 
 

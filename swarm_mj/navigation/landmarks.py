@@ -140,7 +140,7 @@ def find_landmarks(seen: SeenPicture, predictor: Predictor, signal: Array, searc
     assert predicted.depth is not None
     places = _choose(predicted.signal, predicted.depth > 0.0)
     if len(places) < LEAST:
-        return Rejected("landmarks", f"{len(places)} places with enough relief, fewer than {LEAST}")
+        return Rejected("landmarks", f"fewer than {LEAST} places with enough relief")
     splined, radius = ndimage.spline_filter(signal, 3, mode="nearest"), int(np.ceil(search_px))
     kept, shifts, covariances = [], [], []
     for column, row in places:
@@ -162,7 +162,7 @@ def find_landmarks(seen: SeenPicture, predictor: Predictor, signal: Array, searc
             shifts.append(refined[0])
             covariances.append(refined[1])
     if len(kept) < LEAST:
-        return Rejected("landmarks", f"{len(kept)} landmarks found again, fewer than {LEAST}")
+        return Rejected("landmarks", f"fewer than {LEAST} landmarks found again")
     across, down = np.transpose(kept)
     image = seen.lens.to_image(np.array(kept) + 0.5)
     points = np.column_stack((image, np.ones(len(image)))) * predicted.depth[down, across][:, None]

@@ -463,7 +463,7 @@ def _fit_horizon(
     sigma = noise / seen.lens.focal_px / np.linalg.norm(sights, axis=1) ** 2
     for _ in range(5):
         if len(chosen) < LEAST_EDGES:
-            return Rejected("horizon", f"{len(chosen)} edges of the limb agree, fewer than {LEAST_EDGES}")
+            return Rejected("horizon", f"fewer than {LEAST_EDGES} edges of the limb agree")
         try:
             horizon = horizon_position(sights[chosen], ellipsoid_C, sigma[chosen])
         except (ValueError, np.linalg.LinAlgError):

@@ -17,6 +17,7 @@ from swarm_mj.errors import MissionError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, Optics, camera_pose, in_field_of_view
 from swarm_mj.smallbody.occultation import ray_to_triangle
+from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.attitude.algebra import times, vector
 from swarm_mj.typing import Array, Indices, Ints32, Mask
 
@@ -51,6 +52,12 @@ class RayTracer:
             return _first_hits(self._corners, np.ascontiguousarray(origins), np.ascontiguousarray(directions_A))
         hits = self._scene.run(origins.astype(np.float32), directions_A.astype(np.float32))
         return np.asarray(hits, dtype=np.intp)
+
+
+@lru_cache(maxsize=8)
+def tracer_of(shape: ShapeModel) -> RayTracer:
+    """Rays against a mesh, which all that ask share."""
+    return RayTracer(shape.vertices, shape.faces)
 
 
 def _embree_scene(corners: Array) -> Any:
@@ -180,7 +187,7 @@ class MeshObserver:
     @cached_property
     def tracer(self) -> RayTracer:
         """Ray tracer over the region's mesh, built at first use."""
-        return RayTracer(self.region.vertices, self.region.faces)
+        return tracer_of(self.region.mesh)
 
     def close(self) -> None:
         """Nothing to release."""

@@ -180,7 +180,10 @@ def _by_pictures(found: CorrectionAnalysis) -> list[str]:
         f"{known[name]:.3g} m"
         for name, ways, untold in zip(found.plan.names, found.pictures, found.untold, strict=True)
     )
-    return [f"pictures on the way that tell something, and 3 sigma of the position at the arrival by them: {told}"]
+    found_by = [f"pictures on the way that tell something, and 3 sigma of the position at the arrival by them: {told}"]
+    if found.plan.scenario.navigation.optical.range_m is not None:
+        found_by.append("ranges between spacecraft (navigation.optical.range_m) are left out here; flights use them")
+    return found_by
 
 
 def _why_none(untold: dict[str, int]) -> str:

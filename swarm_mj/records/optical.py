@@ -12,7 +12,7 @@ import xarray as xr
 from swarm_mj.flight.observe import arrival_samples
 from swarm_mj.flight.plan import Plan
 from swarm_mj.records.rounding import by_name, rounded
-from swarm_mj.simulator.telemetry import position_covariance
+from swarm_mj.simulator.telemetry import longest_sigma, position_covariance
 from swarm_mj.typing import Array
 
 #: Share of the camera's half-angle from which an error of aim at the arrival is worth a remark.
@@ -34,7 +34,7 @@ def optical_summary(plan: Plan, telemetry: xr.Dataset) -> Row:
     distance = np.linalg.norm(telemetry["r_BN_N"].values[at], axis=-1)
     aim_deg = np.degrees(_across(off[at], telemetry["r_BN_N"].values[at]) / distance)
     P = position_covariance(telemetry)
-    sigma = np.sqrt(np.linalg.eigvalsh(P)[..., -1])
+    sigma = longest_sigma(telemetry)
     # What is kept of correlations may be rounded to one.
     nees = np.einsum("jk,jkl,jl->j", off[at], np.linalg.pinv(P[at], hermitian=True), off[at])
     dof = sum(one["dof"] for one in used)

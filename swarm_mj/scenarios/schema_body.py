@@ -84,7 +84,8 @@ class Body(Section):
         gt=0,
         le=1,
         description="brightness of the surface under the Sun in its zenith, over that of a white Lambert surface [-], for "
-        "signal to noise and pictures where photometry says nothing; null: not known",
+        "signal to noise and pictures where photometry says nothing; a geometric albedo makes a sphere a third too dark at "
+        "phase 0 and, as small bodies dim faster than Lambert's law, too bright beyond some 15 deg; null: not known",
     )
     photometry: Photometry | None = Field(
         None,

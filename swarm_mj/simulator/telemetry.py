@@ -215,6 +215,11 @@ def correlated(covariance: Array) -> tuple[Array, Array]:
     return sigma, np.stack((shares[..., 1, 2], shares[..., 0, 2], shares[..., 0, 1]), axis=-1)
 
 
+def longest_sigma(telemetry: xr.Dataset) -> Array:
+    """Standard deviation of those positions along the longest axis of their covariance [m], shape (t, n)."""
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(position_covariance(telemetry))[..., -1], 0.0))
+
+
 def position_covariance(telemetry: xr.Dataset) -> Array:
     """Covariance in N of the positions that navigation by pictures knows [m^2], shape (t, n, 3, 3)."""
     sigma, shares = (telemetry[name].values for name in ("r_BN_N_sigma", "r_BN_N_correlation"))

@@ -14,7 +14,7 @@ from swarm_mj.observation.faceid import Drawing, FaceIdObserver
 from swarm_mj.observation.gl_context import gl_available
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.observer import Observer
-from swarm_mj.observation.raycast import RayCastObserver, RayTracer
+from swarm_mj.observation.raycast import RayCastObserver, tracer_of
 from swarm_mj.typing import Array
 from swarm_mj.verification.experiment import Bench, NotRun, experiment
 from swarm_mj.verification.flights import ball
@@ -92,7 +92,7 @@ def areas_differ(first: Areas, second: Areas, bench: Bench) -> float:
 def pixels_differ(drawing: Drawing, bench: Bench) -> float:
     """Share of the pixels in which a face-ID picture and a ray through the pixel's centre show another face [%]."""
     region, wrong = bench.once(eros_target), []
-    tracer = RayTracer(region.vertices, region.faces)
+    tracer = tracer_of(region.mesh)
     across = camera().tan_half_angle * ((np.arange(RESOLUTION_PX) + 0.5) * 2.0 / RESOLUTION_PX - 1.0)
     right, up = np.meshgrid(across, across)
     rays_C = np.stack([right, -up, np.ones_like(up)], axis=-1).reshape(-1, 3)

@@ -7,6 +7,7 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import add_coverage, observe_flight
 from swarm_mj.smallbody.shape import ShapeModel
 from tests.records.deliveries import with_delivery
+from tests.records.estimates import with_pictures
 from tests.records.thrusts import with_thrust
 
 
@@ -15,7 +16,7 @@ def flown(quick_plan):
     telemetry = simulate(quick_plan)
     result = observe_flight(quick_plan, telemetry)
     add_coverage(telemetry, result)
-    return with_delivery((quick_plan, with_thrust(telemetry), result), mute=(0,), cell_bit=90_000)
+    return with_delivery((quick_plan, with_pictures(with_thrust(telemetry)), result), mute=(0,), cell_bit=90_000)
 
 
 @pytest.fixture(scope="session")

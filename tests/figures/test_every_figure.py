@@ -21,6 +21,7 @@ UNITS = {
     "target": {"km", "deg"},
     "tracking_error": {"min", "-"},
     "pointing_error": {"min", "deg"},
+    "navigation": {"min", "m"},
     "operation": {"km", "deg"},
     "coverage": {"min", "%"},
     "ground_track": {"deg"},

@@ -30,7 +30,7 @@ FLYBY = {
         "semi_axes_m": [4000, 4000, 4000],
         "gravity": {
             "model": "spherical_harmonics",
-            "parameters": {"gm": 1e3, "reference_radius_m": 4000, "coefficients": [[2, 0, 0.0, 0.0]]},
+            "parameters": {"gm": 3e4, "reference_radius_m": 4000, "coefficients": [[2, 0, 0.0, 0.0]]},
         },
     },
     "target": {"latitude_deg": 0, "longitude_deg": 90, "half_angle_deg": 20},
