@@ -61,6 +61,16 @@ def test_pictures_tell_where_the_spacecraft_are(flight):
     assert off[-1, -1] > 0.3 * off[0, -1] and sigma[-1, -1] >= 0.99 * sigma[0, -1]
 
 
+def test_what_is_known_grows_old_between_pictures(flight):
+    """The relay takes none: its errors grow by those of its velocity, steadily; Bennu's gravity bends that by less than a percent."""
+    telemetry, plan = flight.telemetry, flight.plan
+    start = telemetry["r_BN_N"].values[:1, -1], telemetry["v_BN_N"].values[:1, -1]
+    sigma, t = first_sigmas(plan.scenario.navigation.optical, *start)[0], telemetry["time"].values
+    expected = np.sqrt(sigma[0] ** 2 + (sigma[3] * t) ** 2)
+    assert expected[-1] > 1.3 * expected[0]
+    assert telemetry["r_BN_N_sigma"].values[:, -1] == pytest.approx(np.tile(expected, (3, 1)).T, rel=0.01)
+
+
 def test_who_points_uses_what_is_known(flight):
     # At the end of the approach the camera looks where the body is thought to be.
     telemetry, k = flight.telemetry, 50
@@ -115,6 +125,16 @@ def test_corrections_burn_by_what_is_known():
     assert 1e-3 * max(miss[f"sc{j}"] for j in (1, 2, 3)) < 1.5 * expected[["sc1", "sc2", "sc3"]].max()
     assert found.summary["known_3_sigma_m"]["sc1"] < 5.0
     assert any("pictures on the way" in words for words in found.findings)
+
+
+def test_beforehand_pictures_that_poor_knowledge_cannot_match_tell_nothing():
+    """Itokawa's first observer believes to be 100 m elsewhere, where its camera sees other ground: a flight finds nothing either."""
+    found = sm.navigate("itokawa-slow", optical=True)
+    assert not found.found.pictures[0] and sum(found.found.pictures[1].values()) >= 5
+    known = found.summary["known_3_sigma_m"]
+    assert known["sc1"] > 200.0 and known["sc2"] < 2.0  # flown: 233 m and 0.9 m
+    ranged = sm.navigate("bennu-slow", {**CASE, "navigation.optical.range_m": 1.0}, optical=True)
+    assert any("navigation.optical.range_m) are left out" in words for words in ranged.findings)
 
 
 def test_designs_allow_for_what_pictures_will_tell(flight):
