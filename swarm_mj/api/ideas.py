@@ -287,13 +287,17 @@ def requirement_keys() -> pd.DataFrame:
 
 
 def studies(base: str | Path = BASE) -> pd.DataFrame:
-    """The studies of a knowledge base, the oldest first."""
+    """The studies of a knowledge base, the oldest first; `closed`: whether a swarm met the requirement."""
     rows = [
         {
             "id": one.id,
             "name": one.name,
             "made": one.made,
             "version": one.version,
+            "scenario": one.requirement.scenario,
+            "resolution_m": one.requirement.resolution_m,
+            "quality": one.requirement.quality,
+            "share_percent": one.requirement.share_percent,
             "closed": one.record["closed"],
             "observers": one.record["observers"],
             "swarm_kg": one.record["swarm_kg"],
@@ -302,9 +306,9 @@ def studies(base: str | Path = BASE) -> pd.DataFrame:
         }
         for one in KnowledgeBase(base, make=False).kept()
     ]
-    return pd.DataFrame(
-        rows, columns=["id", "name", "made", "version", "closed", "observers", "swarm_kg", "began_with", "wall_s"]
-    )
+    asked = ["scenario", "resolution_m", "quality", "share_percent"]
+    found = ["closed", "observers", "swarm_kg", "began_with", "wall_s"]
+    return pd.DataFrame(rows, columns=["id", "name", "made", "version", *asked, *found])
 
 
 def open_study(name: str, base: str | Path = BASE) -> Studied:

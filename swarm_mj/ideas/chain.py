@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, sqrt
@@ -632,6 +633,10 @@ def _delivered_h(asked: Requirement, delivery: Delivery, end_s: float) -> tuple[
     return max(visible_h, with_pauses_h), words + f"{asked.contact_h:g} h a day, evenly spread, {with_pauses_h:.3g} h"
 
 
+def _counted(causes: Counter[str]) -> str:
+    return ", ".join(f"{cause} forbids {count}" for cause, count in causes.most_common())
+
+
 def _forbidden(
     asked: Requirement,
     scenario: Scenario,
@@ -648,17 +653,18 @@ def _forbidden(
         how = "as designed" if key == "limits.spacecraft" else "as flown"
         words = f"{what}; {one.kind}: {one.words}; it takes {key} = {missed.reached:.4g}, {how}"
         return words, ({key: missed.reached},)
-    causes = sorted({one.words.partition(":")[0] for one in tried})
+    causes = Counter(one.words.partition(":")[0] for one in tried)
     nearest = min(tried, key=lambda one: (ORDER.index(one.words.partition(":")[0]), one.short))
     ways = _relaxations(asked, scenario, seen)
     told = " or ".join(" with ".join(f"{key} = {value:.4g}" for key, value in way.items()) for way in ways)
     remedy = (
         f"it takes {told}"
         if told
-        else f"nor does it help to relax {', '.join(EASED)}, limits.spacecraft, limits.spacecraft_kg or limits.units"
+        else f"more than one value must be relaxed at once: none alone of {', '.join(EASED)}, limits.spacecraft, "
+        "limits.spacecraft_kg and limits.units helps all that forbids it"
     )
     return (
-        f"no spacecraft among {len(tried)} kinds can be built for it ({', '.join(causes)}); the one that is refused last, "
+        f"no spacecraft among {len(tried)} kinds can be built for it ({_counted(causes)}); the one that is refused last, "
         f"{nearest.kind}: {nearest.words}; {remedy}",
         tuple(ways),
     )

@@ -134,7 +134,9 @@ class Requirement(Section):
 
     name: str = Field(min_length=1, max_length=200, description="of the study")
     scenario: str = Field(
-        min_length=1, description="packaged scenario, or path of a file: body, target, mothership, epoch, criterion"
+        min_length=1,
+        description="packaged scenario, or path of a file, beside the requirement or from here: body, target, mothership, "
+        "epoch, criterion",
     )
     changes: dict[str, Any] = Field(default_factory=dict, description="values by dotted key that change it")
     resolution_m: float = Field(gt=0, le=1e5, description="coarsest ground sampling distance, obliquity included [m]")
@@ -308,6 +310,9 @@ def load_requirement(source: str | Path | dict[str, Any]) -> Requirement:
             raise ScenarioError(f"{source}: cannot be read as a requirement: {error}") from None
     if not isinstance(data, dict):
         raise ScenarioError(f"{source}: must be a mapping of {', '.join(Requirement.model_fields)}")
+    if not isinstance(source, dict) and isinstance(named := data.get("scenario"), str):
+        beside = Path(source).parent / named
+        data = {**data, "scenario": str(beside) if beside.is_file() else named}
     try:
         return Requirement.model_validate(data)
     except ValidationError as error:

@@ -224,7 +224,8 @@ Made by swarm_mj {__version__} from the flight {scenario.name}: {len(rows)} pict
 {" and ".join(chosen)}, by {len({row["spacecraft"] for row in rows})} spacecraft.
 
 - `{MANIFEST}`: one entry a picture with its time, pose, Sun, exposure and gain; lens; labels; all files.
-- `scJ/tT.png`: counts [DN], 16 bit, row 0 on top; `scJ/tT.npz`: labels of the same pixels.
+- `scJ/tT.png`: counts [DN] of the converter in 16 bit, which viewers show dark: stretch them; row 0 on top.
+- `scJ/tT.npz`: labels of the same pixels.
 - `scJ/tT.fits`: counts and labels as extensions, row 0 at the bottom.
 
 Pixel (row i, column j) covers i to i + 1 and j to j + 1, counted from the upper left corner; labels hold at its centre.

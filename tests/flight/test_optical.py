@@ -62,7 +62,7 @@ def test_pictures_tell_where_the_spacecraft_are(flight):
 
 
 def test_what_is_known_grows_old_between_pictures(flight):
-    """The relay takes none: its errors grow by those of its velocity, steadily; Bennu's gravity bends that by less than a percent."""
+    """The relay takes none: its errors grow by those of its velocity, within a percent of gravity's part."""
     telemetry, plan = flight.telemetry, flight.plan
     start = telemetry["r_BN_N"].values[:1, -1], telemetry["v_BN_N"].values[:1, -1]
     sigma, t = first_sigmas(plan.scenario.navigation.optical, *start)[0], telemetry["time"].values
@@ -128,7 +128,7 @@ def test_corrections_burn_by_what_is_known():
 
 
 def test_beforehand_pictures_that_poor_knowledge_cannot_match_tell_nothing():
-    """Itokawa's first observer believes to be 100 m elsewhere, where its camera sees other ground: a flight finds nothing either."""
+    """Itokawa's first observer believes to be 100 m elsewhere, and sees other ground: a flight finds nothing either."""
     found = sm.navigate("itokawa-slow", optical=True)
     assert not found.found.pictures[0] and sum(found.found.pictures[1].values()) >= 5
     known = found.summary["known_3_sigma_m"]
