@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import trimesh
 from scipy import ndimage
+from scipy import ndimage
 from scipy.special import chdtri
 from scipy.stats import chi2
 
@@ -115,16 +116,16 @@ Written by `python -m scripts.pages.optical --pictures {plain}`. How it works: [
 ## Measurements
 
 {count} pictures a row, of 512 x 512 pixels and a half-angle of 10 deg, by the detector `cubesat`, at 1 au from the Sun and
-phases of 0 to 120 deg, from believed positions that err by 0.1 % of the distance in each component, 1.45 pixels. From how
-far off pictures can still be matched is not told here; flights are often farther off. Pictures
-have {taken} samples along a pixel at least, as in flights, the predictions they are held against {predicted}; of bodies below
-some 170 pixels both have more, and the same. Attitudes are exact. The model is the body itself: what a shape, an albedo or a
-law that is not quite the body's adds is `centroid_model`, `limb_model_px` and `landmark_model_px` of flights, and left out
-here. *Diameter* is that of the sphere about the body. *chi-square* is the sum of the squared errors over the covariances that
-measurements say, a component; in brackets where 95 % of right ones lie. Above it, measurements promise too much; below, too
-little. *Worst picture* is that of a single one. *Why not* has the two most frequent causes. *Median across* is of errors across the line of sight, *of distance* of those
-along it, over the distance. Not used is also what a filter that knows the position as well would refuse, as that of flights
-does.
+phases of 0 to 120 deg, from believed positions that err by 0.1 % of the distance in each component, 1.45 pixels. From how far
+off pictures can still be matched is not told here; flights are often farther off. Pictures have {taken} samples along a pixel
+at least, as in flights, the predictions they are held against {predicted}; of bodies below some 170 pixels both have more,
+and the same. Attitudes are exact. The model is the body itself: what a shape, an albedo or a law that is not quite the body's
+adds is `centroid_model`, `limb_model_px` and `landmark_model_px` of flights, and left out here. *Diameter* is that of the
+sphere about the body. *chi-square* is the sum of the squared errors over the covariances that measurements say, a component;
+in brackets where 95 % of right ones lie. Above it, measurements promise too much; below, too little. *Worst picture* is that
+of a single one. *Why not* has the two most frequent causes. *Median across* is of errors across the line of sight, *of
+distance* of those along it, over the distance. Not used is also what a filter that knows the position as well would refuse,
+as that of flights does.
 
 | body | way | diameter [px] | used | median across [px] | of distance | chi-square | worst picture | why not |
 |---|---|---|---|---|---|---|---|---|
