@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import trimesh
 from scipy import ndimage
-from scipy import ndimage
 from scipy.special import chdtri
 from scipy.stats import chi2
 

@@ -184,6 +184,9 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
             shade = light.shade_at(picture.t)
             lit_now = partial(light.at, picture)
             cause = causes(observer, picture.pose, criterion, motion=picture.motion, light=lit_now, shade=shade)
+            images += 1
+            if progress is not None:
+                progress(images)
             seen = cause == Cause.NONE
             passage.add(picture.t, picture.spacecraft, seen)
             at_arrival = picture.t == arrivals_s[picture.spacecraft]
@@ -192,15 +195,14 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
                 least_px = np.fmin(least_px, _motion_blur_in(observer, picture))
             if at_arrival or not arrival_only:
                 why = np.maximum(why, cause)
+                if not seen.any():
+                    continue
                 cells = np.flatnonzero(seen)
                 gsd_m = ground_sampling_distance(limits, *sight(plan.region, picture.r_A, cells))
                 incidence_deg = np.degrees(incidence(plan.region, picture.sun_A)[cells])
                 shown = Shown(picture.t, picture.spacecraft, cells)
                 kept.add(shown, gsd_m, incidence_deg, float(arrivals_s[picture.spacecraft]))
                 looks.add(picture, cells, gsd_m)
-            images += 1
-            if progress is not None:
-                progress(images)
         for picture in flight_pictures(plan, telemetry, camera_on=False):
             if not arrival_only or picture.t == arrivals_s[picture.spacecraft]:
                 would = observe(

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
@@ -18,35 +19,38 @@ from swarm_mj.typing import Array
 
 
 class Path(NamedTuple):
-    """The path of a spacecraft relative to the body: a cubic between samples, by their positions and velocities in N."""
+    """The path of a spacecraft relative to the body: a cubic between samples, by their positions and velocities in N.
+
+    What is asked at a time [s] is a number; at n times it has the shape (n,).
+    """
 
     first: float
     last: float
     position: CubicHermiteSpline
-    sun: Callable[[float], Array]
+    sun: Callable[[ArrayLike], Array]
 
-    def velocity(self, t: float) -> Array:
-        """In N [m/s], shape (3,)."""
+    def velocity(self, t: ArrayLike) -> Array:
+        """In N [m/s], shape (3,) or (n, 3)."""
         return np.asarray(self.position(t, 1))
 
-    def distance(self, t: float) -> float:
+    def distance(self, t: ArrayLike) -> Array:
         """To the body's centre [m]."""
-        return float(np.linalg.norm(self.position(t)))
+        return np.asarray(np.linalg.norm(self.position(t), axis=-1))
 
-    def phase(self, t: float) -> float:
+    def phase(self, t: ArrayLike) -> Array:
         """Angle at the body's centre between the Sun and the spacecraft [rad]."""
         sun, r = self.sun(t), np.asarray(self.position(t))
-        return float(np.arctan2(np.linalg.norm(np.cross(sun, r)), sun @ r))
+        return np.arctan2(np.linalg.norm(np.cross(sun, r), axis=-1), (sun * r).sum(axis=-1))
 
-    def turning(self, t: float) -> float:
+    def turning(self, t: ArrayLike) -> Array:
         """How fast the direction of the body's centre turns in N [rad/s]."""
         r = np.asarray(self.position(t))
-        return float(np.linalg.norm(np.cross(r, self.velocity(t))) / (r @ r))
+        return np.asarray(np.linalg.norm(np.cross(r, self.velocity(t)), axis=-1) / (r * r).sum(axis=-1))
 
-    def least(self, of: Callable[[float], float]) -> float:
+    def least(self, of: Callable[[ArrayLike], Array]) -> float:
         """When a quantity is least [s]."""
         times = self.position.x
-        k = int(np.argmin([of(t) for t in times]))
+        k = int(np.argmin(of(times)))
         found = minimize_scalar(
             of,
             bounds=(times[max(k - 1, 0)], times[min(k + 1, len(times) - 1)]),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from swarm_mj.plugins import as_array, call
 from swarm_mj.scenarios import constants
@@ -31,9 +32,9 @@ class LinearMotion:
     position: Array
     velocity: Array
 
-    def at(self, t: float) -> Array:
-        """Position at `t` seconds past the epoch, shape (3,) [m]."""
-        return self.position + t * self.velocity
+    def at(self, t: ArrayLike) -> Array:
+        """Position at `t` seconds past the epoch [m], shape (3,); (n, 3) of n times."""
+        return self.position + np.multiply.outer(t, self.velocity)
 
 
 @dataclass(frozen=True, kw_only=True)

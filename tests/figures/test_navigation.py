@@ -14,13 +14,17 @@ def test_it_shows_errors_three_sigmas_and_who_had_which_picture(flown):
     sigma, error = first[0].get_ydata(), first[1].get_ydata()
     assert sigma == pytest.approx(3.0 * 50.0) and error[[0, -1]] == pytest.approx(100.0 * np.exp([0.0, -1.0]))
     last = first[1].get_xdata()[-1]
-    had = {line.get_marker(): line.get_xdata() for line in first[2:] if len(line.get_xdata())}
+    had = {
+        line.get_marker(): line.get_xdata()
+        for line in first[2:]
+        if line.get_marker() != "None" and len(line.get_xdata())
+    }
     assert {mark: list(at / last) for mark, at in had.items()} == {
         "o": pytest.approx([0.2]),
         "s": pytest.approx([0.5]),
         "x": pytest.approx([0.8]),
     }
-    assert not any(len(line.get_xdata()) for line in second[2:])
+    assert not any(len(line.get_xdata()) for line in second[2:] if line.get_marker() != "None")
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names == ["error", "3 sigma, longest axis", "used: centroid", "used: limb", "not used"]
 
