@@ -341,7 +341,7 @@ def test_the_page_of_built_spacecraft_is_current_and_marco_is_met():
 
 @pytest.mark.parametrize("law", ["lambert", "lommel_seeliger"])
 def test_pixels_do_not_overflow_and_lenses_can_be_made(law):
-    seen = replace(SEEN, surface=surface_of(Photometry(law=law, albedo=0.15)))
+    seen = SEEN._replace(surface=surface_of(Photometry(law=law, albedo=0.15)))
     for changes in ({}, {"resolution_m": 1.0}, {"resolution_m": 0.05}):
         given = asked(**changes)
         payload = payload_for(given, seen, SIZES[12], 1000.0, DETECTORS[1])
