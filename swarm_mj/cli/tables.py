@@ -18,6 +18,7 @@ from swarm_mj.records.summary import working
 
 #: Told only of runs whose pictures were planned.
 PLANNED = "planned by the plan of pictures [%]; bound; gap"
+NAVIGATED = "positions by pictures at the arrival, error; 3 sigma, at most [m]"
 
 
 def results_tables(console: Console, summaries: Sequence[dict[str, Any]]) -> Iterator[Table]:
@@ -45,7 +46,8 @@ def results_table(summaries: Sequence[dict[str, Any]]) -> Table:
     )
     mapped = {label: partial(_mapped, label) for summary in summaries for label in mapped_texts(summary)}
     planned = {PLANNED: _planned} if any("picture_plan" in summary for summary in summaries) else {}
-    for label, cell in (_OBSERVED | planned | mapped | _ROWS | blurred).items():
+    navigated = {NAVIGATED: _navigated} if any("optical" in summary for summary in summaries) else {}
+    for label, cell in (_OBSERVED | planned | mapped | _ROWS | navigated | blurred).items():
         table.add_row(escape(label), *(cell(summary) for summary in summaries))
     return table
 
@@ -88,6 +90,11 @@ def _planned(summary: dict[str, Any]) -> str:
     if plan is None:
         return "-"
     return f"{percent_digits(plan['planned_percent'])}; {plan['bound_percent']:.2f}; {plan['gap_percent']:.2f}"
+
+
+def _navigated(summary: dict[str, Any]) -> str:
+    told = summary.get("optical", {})
+    return "; ".join(_worst(told.get(f"position_{what}_m_arrival", {})) for what in ("error", "3_sigma"))
 
 
 def _complete(summary: dict[str, Any]) -> str:

@@ -54,6 +54,7 @@ def summary_section(run: RunRecord) -> Html:
         *_blurred(summary),
         ("spacecraft", str(summary["spacecraft"]), f"{summary['observers']} of them observe{lost}"),
         _pointed(summary),
+        *_navigated(summary),
         ("pointing error before a switch", f"{short(max(late.values()))}°" if late else "–", "largest of the swarm"),
         ("fastest wheel", f"{100 * summary['max_wheel_speed_fraction']:.0f} %", "of its limit"),
         ("links closed at the end", f"{summary['links_closed_final']} of {summary['spacecraft']}", "spacecraft"),
@@ -120,6 +121,17 @@ def _pointed(summary: dict[str, Any]) -> tuple[str, str, str]:
     error, known = (f"{short(max(found.values()))}°" if found else "" for found in (error, known))
     note = f"sensors: {summary.get('sensors', '–')}" + (f", which know it to {known}" if known else "")
     return "pointing error at the arrival", error or "–", note
+
+
+def _navigated(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """By how much positions were known wrongly at the arrivals, where they come from pictures."""
+    told = summary.get("optical")
+    if told is None:
+        return []
+    error, sigma = (max(told[f"position_{what}_m_arrival"].values()) for what in ("error", "3_sigma"))
+    used, missed = sum(told["used"].values()), sum(one["count"] for one in told["not_used"])
+    note = f"at the arrivals, worst; 3 sigma up to {short(sigma)} m; {used} of {used + missed} measurements used"
+    return [("position by pictures, error", f"{short(error)} m", note)]
 
 
 def findings_list(run: RunRecord) -> Html | None:

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import swarm_mj as sm
+from swarm_mj.cli.tables import NAVIGATED, results_table
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.optical import OpticalNavigator, first_sigmas, known_attitude
@@ -92,6 +93,9 @@ def test_the_flight_tells_what_became_of_its_pictures(flight):
     assert told["position_error_m_arrival"]["sc1"] < told["position_error_m_largest"]
     assert any("navigation by pictures" in words for words in flight.findings)
     RunSummary.model_validate(json.loads(json.dumps(flight.summary)))
+    row = list(results_table([flight.summary]).columns[0].cells).index(NAVIGATED.replace("[m]", r"\[m]"))
+    shown = list(results_table([flight.summary]).columns[1].cells)[row]
+    assert shown == "; ".join(f"{max(told[f'position_{key}_m_arrival'].values()):.3g}" for key in ("error", "3_sigma"))
 
 
 def test_late_pictures_are_known_later_and_ranges_bind_the_swarm(flight):
