@@ -26,7 +26,6 @@ from numpy.typing import ArrayLike
 from swarm_mj.compilation import jittable
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.spacecraft.attitude.algebra import cross, vector
 from swarm_mj.typing import Array, Mask
 
 FieldOfView = Literal["square", "cone"]
@@ -236,7 +235,7 @@ class Motion(NamedTuple):
 
     def of(self, j: int, r_N: Array, C_BN: Array, C_AN: Array) -> CameraMotion:
         """The motion of the camera of spacecraft j at `r_N` [m], shape (3,); its frame is B."""
-        v_A = C_AN @ (self.v_BN_N[j] - np.array(cross(vector(self.spin_N), vector(r_N))))
+        v_A = C_AN @ (self.v_BN_N[j] - np.cross(self.spin_N, r_N))
         return CameraMotion(v_A, self.omega_BN_B[j] - C_BN @ self.spin_N)
 
 
