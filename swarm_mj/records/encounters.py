@@ -33,21 +33,21 @@ class Path(NamedTuple):
         """In N [m/s], shape (3,) or (n, 3)."""
         return np.asarray(self.position(t, 1))
 
-    def distance(self, t: ArrayLike) -> Array:
+    def distance(self, t: ArrayLike) -> Any:
         """To the body's centre [m]."""
-        return np.asarray(np.linalg.norm(self.position(t), axis=-1))
+        return np.linalg.norm(self.position(t), axis=-1)
 
-    def phase(self, t: ArrayLike) -> Array:
+    def phase(self, t: ArrayLike) -> Any:
         """Angle at the body's centre between the Sun and the spacecraft [rad]."""
         sun, r = self.sun(t), np.asarray(self.position(t))
         return np.arctan2(np.linalg.norm(np.cross(sun, r), axis=-1), (sun * r).sum(axis=-1))
 
-    def turning(self, t: ArrayLike) -> Array:
+    def turning(self, t: ArrayLike) -> Any:
         """How fast the direction of the body's centre turns in N [rad/s]."""
         r = np.asarray(self.position(t))
-        return np.asarray(np.linalg.norm(np.cross(r, self.velocity(t)), axis=-1) / (r * r).sum(axis=-1))
+        return np.linalg.norm(np.cross(r, self.velocity(t)), axis=-1) / (r * r).sum(axis=-1)
 
-    def least(self, of: Callable[[ArrayLike], Array]) -> float:
+    def least(self, of: Callable[[ArrayLike], Any]) -> float:
         """When a quantity is least [s]."""
         times = self.position.x
         k = int(np.argmin(of(times)))
