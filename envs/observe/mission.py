@@ -6,9 +6,9 @@ altitude H, times with that in which its swarm flies as far as H, areas with tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import radians, tan
 from typing import Any, Literal
 
@@ -32,7 +32,6 @@ from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.state import InitialState
 from swarm_mj.smallbody.occultation import occluder_of
-from swarm_mj.smallbody.shape import frozen
 from swarm_mj.spacecraft.attitude.algebra import Vector, cross
 from swarm_mj.typing import Array, Mask
 
@@ -63,8 +62,6 @@ LIT_SHARE = 0.5
 LEAST_YARDSTICK = 0.2
 #: Of the integration of the planned paths.
 PATH_TOLERANCE = 1e-9
-#: Times of pictures whose light is kept; episodes of one scenario have some hundred.
-MAX_TIMES = 10_000
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -230,17 +227,10 @@ class Mission:
         samples = next(k for k in range(1, highest.shape[1] + 1) if k / highest.shape[1] >= LIT_SHARE)
         return self.scene, samples, highest.max(axis=1).astype(np.float64)
 
-    @cached_property
-    def lit_at(self) -> Callable[[float], Mask]:
-        """Cells with the light that the scenario's criterion asks for at a time past the epoch [s], shape (C,), read-only.
-
-        Every episode of the scenario takes its pictures at the same times, so that the rays of each are traced once.
-        """
-        return lru_cache(MAX_TIMES)(self._trace_light)
-
-    def _trace_light(self, t: float) -> Mask:
+    def lit_at(self, t: float) -> Mask:
+        """Cells with the light that the scenario's criterion asks for at a time past the epoch [s], shape (C,)."""
         sun_A = self.plan.environment.C_AN(t) @ self.plan.environment.sun.at(t)
-        return frozen(lit_cells(self.observer, self.criterion, sun_A))
+        return lit_cells(self.observer, self.criterion, sun_A)
 
     def yardstick_area(self, target: Mask, present: int, start: InitialState | None = None) -> float:
         """Area that straight paths from the release pass, if nothing fails, at least `LEAST_YARDSTICK` of the target [m^2].

@@ -11,7 +11,7 @@ moves on) is small for the angles between parts of one target.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from math import radians
 from typing import NamedTuple
 
@@ -157,7 +157,7 @@ def shown_cells(
     shows, limits = np.zeros(shape, np.bool_), limits_of(criterion, camera, region)
     outline = float(np.linalg.norm(region.corners_A - region.centroid_A[:, None], axis=2).max())
     for k, free in enumerate((reach or reach_of(region, criterion, camera, track)).useful):
-        light = cache(partial(lit_cells, observer, criterion, track.sun_A[k]))
+        light = partial(lit_cells, observer, criterion, track.sun_A[k])
         for a in np.flatnonzero(free):
             r_A = track.r_A[k, a]
             within = keeps_limits(limits, *sight(region, r_A))

@@ -397,7 +397,7 @@ class _Search:
         one, weight = built[rank], self.weight(built[rank], swarm)
         self.assumed = weight, rank
         self._judge_all(built)
-        if self.best is not None:
+        if self.best is not None and self.best.weight <= weight:
             self.taken = f"as a bound the weight of its swarm of {one.name}, {weight:.3g} kg,"
             return
         least, words = self.least(one), "as in the known study"
@@ -407,8 +407,9 @@ class _Search:
         if met:
             self.taken = f"its swarm of {one.name}"
         if self.best is None or self.best.weight > weight:
+            best = "" if self.best is None else self.best.spacecraft.name
             self.assumed, self.near = None, []
-            self.tried = self.tried[-1:] if met else []
+            self.tried = [tried for tried in self.tried if tried.kind == best and tried.observers is not None]
             self._judge_all(built)
 
     def _judge_all(self, built: Sequence[Spacecraft]) -> None:

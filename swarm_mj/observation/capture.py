@@ -30,7 +30,6 @@ from swarm_mj.observation.coverage import Cause
 from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.raycast import WHOLE_SAMPLES, RayTracer, barycentric_samples, sampled_fraction, shown_whole
 from swarm_mj.scenarios.schema_imaging import Observation
-from swarm_mj.smallbody.shape import frozen
 from swarm_mj.spacecraft.attitude.algebra import dot, relative_dcm, times
 from swarm_mj.typing import Array, Ints, Mask
 
@@ -309,17 +308,18 @@ def _unit(sun_A: ArrayLike) -> Array:
 
 
 def lit_cells(observer: Observer, criterion: Observation, sun_A: ArrayLike, shade: Shade | None = None) -> Mask:
-    """Cells that are lit as the criterion asks, shape (n,), read-only; `shade` as for `lit`."""
+    """Cells that are lit as the criterion asks, shape (n,); `shade` as for `lit`."""
     region, limit, tracer = observer.region, criterion.max_incidence_deg, observer.tracer
     if shade is None:
-        return _lit_once(region, limit, tracer, np.asarray(sun_A, np.float64).tobytes())
+        packed = _lit_once(region, limit, tracer, np.asarray(sun_A, np.float64).tobytes())
+        return np.unpackbits(packed, count=region.n_cells).view(np.bool_)
     return lit(region, sun_A, max_incidence_deg=limit, tracer=tracer, shade=shade)
 
 
-@lru_cache(maxsize=4096)
-def _lit_once(region: TargetRegion, limit_deg: float, tracer: RayTracer, sun_A: bytes) -> Mask:
-    """Worked out once for all candidates, kinds of a study and flights that see a target in one light."""
-    return frozen(lit(region, np.frombuffer(sun_A), max_incidence_deg=limit_deg, tracer=tracer))
+@lru_cache(maxsize=10_000)
+def _lit_once(region: TargetRegion, limit_deg: float, tracer: RayTracer, sun_A: bytes) -> NDArray[np.uint8]:
+    """Worked out once for all candidates, kinds of a study, episodes and flights that see a target in one light; in bits."""
+    return np.packbits(lit(region, np.frombuffer(sun_A), max_incidence_deg=limit_deg, tracer=tracer))
 
 
 def visible_share(observer: Observer, r_A: ArrayLike, C_CA: ArrayLike, *, whole: bool) -> Array:

@@ -31,7 +31,7 @@ def summary(folder):
 def test_a_run_writes_summary_telemetry_coverage_scenario_and_figures(folder):
     names = {p.name for p in folder.iterdir()}
     assert {"summary.json", "telemetry.nc", "coverage.npz", "scenario.yaml"} <= names
-    drawn = {*FIGURES["run"]} - {"formation", "propulsion"}  # of which this flight has nothing
+    drawn = {*FIGURES["run"]} - {"formation", "navigation", "propulsion"}  # of which this flight has nothing
     assert {name for name in names if name.endswith(".png")} == {f"{stem}.png" for stem in drawn}
     assert not [name for name in names if name.startswith(".")]
 

@@ -185,6 +185,16 @@ def test_a_known_swarm_that_does_not_do_is_not_taken(study, bare):
     assert len({one.kind for one in warm.tried}) == len(warm.tried)
 
 
+def test_a_known_swarm_that_is_heavier_only_bounds(study, bare):
+    record, asked = study.record, load_requirement(CASE)
+    heaviest = max((one for one in record["tried"] if one["mass_kg"]), key=lambda one: one["mass_kg"])["kind"]
+    design = {key: record["scenario"]["design"][key] for key in ("visiting_points", "observers")}
+    found = run_study(asked, known=chain.Known(asked, heaviest, {}, design))
+    assert heaviest != record["spacecraft"]["kind"] == found.spacecraft.name
+    assert found.observers == record["observers"] and found.taken.startswith("as a bound the weight of its swarm of")
+    assert [one.observers for one in found.tried if one.kind == heaviest] == [None]
+
+
 def test_what_is_proven_of_easier_studies_bounds_harder_ones(study, bare):
     record, harder = study.record, load_requirement({**CASE, "resolution_m": 0.95})
     design = {key: record["scenario"]["design"][key] for key in ("visiting_points", "observers")}
