@@ -132,9 +132,6 @@ as that of flights does.
 
 {outside}
 
-Covariances of these rows are thus right within some 6 %, but for those of limbs of Bennu half out of the picture, which promise
-11 % too much, and of the landmarks of a dumb-bell, 14 % too little.
-
 What pictures err by as they are drawn is small beside noise, since samples that an edge of the mesh parts share their areas
 as the edge divides them; shadows have none of that. Limbs allow for what is left by one number for a size of the body on the
 picture, whatever its shape and light, chosen so that limbs of 100 to 400 pixels come out right in the mean of the four
@@ -164,16 +161,15 @@ the covariance, a component: of one spacecraft right ones stay below 2.6 in 95 o
 NIS is the same of all innovations that were used, together: below 1, since covariances allow for errors of the body's model
 that are not there, and since what the filter refused is left out. *Aim* is by how much the direction to the body was wrong.
 Sensors are the scenario's. *Time* is over that of the plain flight, both flown in a process that flew the scenario before, so
-that what follows from target and Sun alone is known: as commands that begin anew and write their files, `eros-config2` by
-pictures takes some 4 times as long as without. `eros-config1` and `eros-config2` are the same paths with the same camera.
-`fast-flyby` takes a picture an hour (`navigation.optical.interval_s: 3600`); "of 8 deg" and "of 1 deg" are half-angles, the
-first with `camera.resolution_px: 256`. That P_TO stays at 100 % does not say that all aimed well: of `itokawa-slow` one
-observer sees all, while the other's camera looks past the body; and one flight is one draw, see [the
+that what follows from target and Sun alone is known. `eros-config1` and `eros-config2` are the same paths with the same
+camera. `fast-flyby` takes a picture an hour (`navigation.optical.interval_s: 3600`); "of 8 deg" and "of 1 deg" are
+half-angles, the first with `camera.resolution_px: 256`. That P_TO stays at 100 % does not say that all aimed well: of
+`itokawa-slow` one observer sees all, while the other's camera looks past the body; and one flight is one draw, see [the
 campaigns](../how-to/optical_navigation.md).
 
 Shape, law, GM and pole of the body are known exactly in these flights, but for the one with a model of fewer faces: by that
-no landmark is found, limbs leave more than noise and are believed less (NIS of 0.18), and errors are some hundred times those
-with the right shape. What a wrong shape is off by stays from picture to picture, where the filter takes it for noise.
+no landmark is found, limbs leave more than noise and are believed less, as its NIS shows; what that costs shows beside the
+row above it. What a wrong shape is off by stays from picture to picture, where the filter takes it for noise.
 
 | scenario | P_TO, passage [%] | by pictures | delivered | error [m] | 3 sigma [m] | NEES | NIS | aim [deg] | pictures | time |
 |---|---|---|---|---|---|---|---|---|---|---|
@@ -260,11 +256,19 @@ def measured(studio: Studio, way: Callable[[SeenPicture], Fix | Rejected], case:
 
 
 def _outside(rows: list[str]) -> str:
-    """How many rows promise too much or too little."""
-    found = [re.search(r"\| ([\d.]+) \(([\d.]+) to ([\d.]+)\) \|", row) for row in rows]
-    shown = [tuple(map(float, each.groups())) for each in found if each is not None]
-    above, below = sum(value > high for value, _, high in shown), sum(value < low for value, low, _ in shown)
-    return f"Of {len(shown)} rows {above} lie above their brackets and {below} below; by chance one or two would."
+    """How many rows promise too much or too little, and which do so most."""
+    shown: list[tuple[float, float, float, str]] = []
+    for row in rows:
+        found = re.search(r"\| ([\d.]+) \(([\d.]+) to ([\d.]+)\) \|", row)
+        if found is not None:
+            value, low, high = map(float, found.groups())
+            shown.append((value, low, high, ", ".join(map(str.strip, row.split("|")[1:4]))))
+    above, below = sum(value > high for value, _, high, _ in shown), sum(value < low for value, low, _, _ in shown)
+    most, least = max(shown), min(shown)
+    return (
+        f"Of {len(shown)} rows {above} lie above their brackets and {below} below; by chance one or two would. The highest is "
+        f"{most[0]} ({most[3]} px), the lowest {least[0]} ({least[3]} px)."
+    )
 
 
 def _reasons(why: Counter[str]) -> str:

@@ -18,6 +18,7 @@ from swarm_mj.records.summary import working
 
 #: Told only of runs whose pictures were planned.
 PLANNED = "planned by the plan of pictures [%]; bound; gap"
+#: Told only of runs that navigate by pictures.
 NAVIGATED = "positions by pictures at the arrival, error; 3 sigma, at most [m]"
 
 

@@ -216,7 +216,7 @@ def correlated(covariance: Array) -> tuple[Array, Array]:
 
 
 def longest_sigma(telemetry: xr.Dataset) -> Array:
-    """Standard deviation of those positions along the longest axis of their covariance [m], shape (t, n)."""
+    """Standard deviation of what navigation by pictures knows of positions, along the longest axis [m], shape (t, n)."""
     return np.sqrt(np.maximum(np.linalg.eigvalsh(position_covariance(telemetry))[..., -1], 0.0))
 
 
