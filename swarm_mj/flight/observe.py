@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from math import sqrt
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +17,7 @@ from swarm_mj.flight.light import Turning, lit_sometime
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, Motion, motion_blur_px
 from swarm_mj.observation.capture import (
+    Limits,
     Picture,
     PictureSchedule,
     causes,
@@ -179,8 +181,16 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
     arrival_only = scenario.observation.criterion == "arrival"
     screen = screen_of(plan.environment)
     images, light, looks = 0, _Light(observer, criterion, screen), LooksTaken(scenario, observer, criterion.classes)
+    far, too_far = _too_far(plan, telemetry, limits), Cause.BLURRED if criterion.needs_motion else Cause.COARSE
+
+    def all_that_matter() -> Iterator[Picture]:
+        yield from flight_pictures(plan, telemetry, among=~far)
+        # Those from too far away tell at most that.
+        if not arrival_only and (why < too_far).any():
+            yield from flight_pictures(plan, telemetry, among=far)
+
     try:
-        for picture in flight_pictures(plan, telemetry):
+        for picture in all_that_matter():
             shade = light.shade_at(picture.t)
             lit_now = partial(light.at, picture)
             cause = causes(observer, picture.pose, criterion, motion=picture.motion, light=lit_now, shade=shade)
@@ -218,6 +228,9 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
         if criterion.needs_sun:
             ticks = schedule_from(scenario, scenario.telemetry.interval_s).ticks(telemetry.sizes["time"] - 1)
             tell_never_lit(why, observer, criterion, plan.environment, telemetry["time"].values[ticks], screen)
+        images = picture_count(plan, telemetry)
+        if progress is not None:
+            progress(images)
     finally:
         observer.close()
     return ObservationResult(
@@ -334,8 +347,21 @@ def _motion_blur_in(observer: Observer, picture: Picture) -> Array:
     return np.where(shown, motion_blur_px(region, camera, picture.r_A, picture.C_CA, picture.motion), np.nan)
 
 
-def flight_pictures(plan: Observed, telemetry: xr.Dataset, *, camera_on: bool = True) -> Iterator[Picture]:
-    """All pictures of a flight, in order of time; or those that are not taken, since a camera is off."""
+def _too_far(plan: Observed, telemetry: xr.Dataset, limits: Limits) -> Mask:
+    """Where spacecraft are too far away for any cell to count, shape (time, n); at no arrival."""
+    reach = min(limits.max_range, min(limits.max_gsd, sqrt(limits.max_pixel_area)) / limits.pixel_angle)
+    far: Mask = np.linalg.norm(telemetry["r_BN_N"].values, axis=2) > reach + plan.region.mesh.max_radius
+    far[arrival_samples(plan.scenario)] = False
+    return far
+
+
+def flight_pictures(
+    plan: Observed, telemetry: xr.Dataset, *, camera_on: bool = True, among: Mask | None = None
+) -> Iterator[Picture]:
+    """All pictures of a flight, in order of time, or those of some instants, shape (time, n).
+
+    With `camera_on` False those that are not taken, since a camera is off.
+    """
     who, environment = watching_in(plan.scenario, telemetry, plan.n_observers, camera_on=camera_on), plan.environment
     schedule, r_BN_N = _passage(plan.scenario), telemetry["r_BN_N"].values
     C_CN, omega_CN_C = flown_cameras(plan.scenario, telemetry)
@@ -343,9 +369,12 @@ def flight_pictures(plan: Observed, telemetry: xr.Dataset, *, camera_on: bool = 
     exposures = {(who, round(t / interval_s)): exposure for who, t, exposure in sequence_of(plan.scenario)}
     # Of a flight flown elsewhere no rates are known.
     rates = [] if omega_CN_C is None or "v_BN_N" not in telemetry else [telemetry["v_BN_N"].values, omega_CN_C]
-    for k in picture_samples(plan.scenario, telemetry):
-        t = float(telemetry["time"].values[k])
-        taking = who[k] & schedule.takers(k, plan.n)
+    times_s = telemetry["time"].values
+    for k in picture_samples(plan.scenario, telemetry).tolist():
+        t = float(times_s[k])
+        taking = who[k] & schedule.takers(k, plan.n) & (True if among is None else among[k])
+        if not taking.any():
+            continue
         moving = Motion(rates[0][k], rates[1][k], environment.spin_N) if len(rates) == 2 else None
         for picture in pictures(t, taking, r_BN_N[k], C_CN[k], environment.C_AN(t), environment.sun.at(t), moving):
             yield picture.exposed(exposures.get((picture.spacecraft, k)))

@@ -14,12 +14,14 @@ that falls towards the limb puts an edge somewhat inside; by how much, the same 
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
 from scipy.special import erf
 
+from swarm_mj.compilation import allocation_free
 from swarm_mj.navigation.picture import (
     FEWEST_SAMPLES,
     Fix,
@@ -33,7 +35,7 @@ from swarm_mj.navigation.picture import (
     without_hot_pixels,
 )
 from swarm_mj.spacecraft.attitude.mrp import cross_matrix
-from swarm_mj.typing import Array, Ints, Mask
+from swarm_mj.typing import Array, Ints, Ints32, Mask
 
 #: Rays that are tried, at most one for each `SPACING` pixels of the limb.
 RAYS, SPACING = 96, 1.5
@@ -63,6 +65,8 @@ EDGE_ROUNDS = 6
 HORIZON_ROUNDS = 3
 #: By how much pictures are blurred before they are matched [px], and how many rounds each.
 BLURS = ((6.0, 4), (2.0, 4), (0.0, 16))
+#: A blur has done its part when a step moves the limb by less than such a share of it.
+NEAR_ENOUGH = 0.5
 #: A fit has settled when its last step, squared over its covariance, is as small.
 SETTLED = 0.02
 #: Half the width of the band of pixels that are fitted [px].
@@ -223,8 +227,8 @@ def measure_limb(seen: SeenPicture, predictor: Predictor, *, model_px: float = 0
             believed = believed.at(believed.pose.r_A + solved.dr)
             if np.linalg.norm(believed.pose.r_A) < 0.5 * predictor.radius:
                 return Rejected("limb", "led into the body")
-            small = 0.1 * blur * float(np.linalg.norm(believed.pose.r_A)) / seen.lens.focal_px
-            if np.linalg.norm(solved.dr) < small or solved.dr @ np.linalg.solve(solved.P, solved.dr) < SETTLED:
+            near = _moved_px(believed, solved.dr, predictor.radius) < NEAR_ENOUGH * blur
+            if near or solved.dr @ np.linalg.solve(solved.P, solved.dr) < SETTLED:
                 break
     assert not isinstance(solved, Rejected)
     if solved.dr @ np.linalg.solve(solved.P, solved.dr) > 1.0:
@@ -248,6 +252,14 @@ class _Fitted(NamedTuple):
     P: Array
     used: int
     misfit: float
+
+
+def _moved_px(seen: SeenPicture, dr: Array, radius: float) -> float:
+    """By how much the limb of a body of some radius [m] moves on the detector, at most, as the camera does by `dr` [m]."""
+    distance = float(np.linalg.norm(seen.pose.r_A))
+    along = float(dr @ seen.pose.r_A) / distance
+    aside = sqrt(max(float(dr @ dr) - along**2, 0.0))
+    return seen.lens.focal_px / distance * (aside + abs(along) * radius / distance)
 
 
 def _match_pixels(
@@ -349,22 +361,51 @@ def _band(seen: SeenPicture, predicted: Prediction, width: int) -> tuple[Mask, A
     band = np.zeros(solid.shape, np.bool_)
     if (box := box_of(solid, width + 2)) is None:
         return band, np.empty((0, 2, 3))
-    padded = np.pad(solid[box], 1, mode="edge")
-    inside = ndimage.distance_transform_edt(padded)[1:-1, 1:-1]
-    outside = ndimage.distance_transform_edt(~padded)[1:-1, 1:-1] if not padded.all() else np.full(inside.shape, np.inf)
-    rim = np.where(solid[box], inside, outside) <= width
+    inside = np.ascontiguousarray(solid[box])
+    rim, (square, beside) = np.zeros_like(inside), np.empty((2, *inside.shape), np.int32)
+    _mark_rim(inside, width, square, beside, rim)
     # Lit: light within the band's width.
     near = ndimage.maximum_filter(predicted.signal[box], 2 * width + 1)
     bright = LIT_SHARE * float(np.quantile(predicted.signal[solid], 0.9))
     band[box] = rim & (near > max(bright, 3.0 * np.sqrt(seen.background)))
-    if (box := box_of(band, width + 1)) is None:
-        return band, np.empty((0, 2, 3))
-    # Beside the body pixels move as the nearest of it.
     rows, columns = np.nonzero(band[box])
-    nearest = ndimage.distance_transform_edt(~solid[box], return_distances=False, return_indices=True)
-    depth = predicted.depth[box][tuple(nearest[:, rows, columns])]
+    # Beside the body pixels move as the nearest of it.
+    depth = predicted.depth[box].ravel()[beside[rows, columns]]
     image = seen.lens.to_image(np.column_stack((columns + box[1].start + 0.5, rows + box[0].start + 0.5)))
     return band, seen.lens.pixel_jacobian(np.column_stack((image, np.ones(len(image)))) * depth[:, None])
+
+
+@allocation_free
+def _mark_rim(solid: Mask, width: int, square: Ints32, nearest: Ints32, rim: Mask) -> None:
+    """Mark pixels up to some width inside and outside the edge of the solid ones; all of one shape.
+
+    Args:
+        solid: Which pixels are of the body.
+        width: [px].
+        square: Scratch.
+        nearest: Where the nearest solid pixel of each in the rim is, counted along rows.
+        rim: False before.
+    """
+    height, across = solid.shape
+    square[:] = width * width + 1
+    for y in range(height):
+        for x in range(across):
+            own = solid[y, x]
+            # The nearest pixel of the other kind has one of the own kind above, below or beside it.
+            if not (
+                (y > 0 and solid[y - 1, x] != own)
+                or (y + 1 < height and solid[y + 1, x] != own)
+                or (x > 0 and solid[y, x - 1] != own)
+                or (x + 1 < across and solid[y, x + 1] != own)
+            ):
+                continue
+            for down in range(max(y - width, 0), min(y + width + 1, height)):
+                for to in range(max(x - width, 0), min(x + width + 1, across)):
+                    off = (down - y) ** 2 + (to - x) ** 2
+                    if solid[down, to] != own and off < square[down, to]:
+                        square[down, to] = off
+                        nearest[down, to] = y * across + x if own else down * across + to
+                        rim[down, to] = True
 
 
 class Horizon(NamedTuple):

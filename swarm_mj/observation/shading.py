@@ -61,6 +61,9 @@ SUN_GRID, SMALL_SUN_GRID = 1280, 640
 #: Share of the body's extent across the Sun's direction from which on that map shows all of it: of its places along a side a
 #: quarter is lost at most.
 WHOLE = 0.75
+#: Places of that map for each face from which on it always shows all of the body: what shades a place is one of the faces about
+#: it (`is_lit`), however many samples fall there.
+MAPPED = 50
 
 
 class Labels(NamedTuple):
@@ -352,13 +355,15 @@ class ShadedBody:
     def _draw_sun_map(self, box: Array) -> None:
         """Draw what may shade a box across the Sun's direction [m].
 
-        Of all the body where the box is `WHOLE` of it or more: that serves all tiles, and all pictures in the same light.
+        Of all the body where the box is `WHOLE` of it or more, or faces are large (`MAPPED`): that serves all tiles, and all
+        pictures in the same light.
         """
         grid = self._grid
         direction = grid.sun.axes[2].tobytes()
         across = self._mesh.vertices @ grid.sun.axes[:2].T
         low, high = across.min(axis=0), across.max(axis=0)
-        whole = max(box[2] - box[0], box[3] - box[1]) >= WHOLE * (high - low).max()
+        places = grid.sun.canvas.row_span.shape[0] ** 2
+        whole = places >= MAPPED * len(self._all) or max(box[2] - box[0], box[3] - box[1]) >= WHOLE * (high - low).max()
         if whole and grid.whole == direction:
             return
         grid.whole = direction if whole else None
