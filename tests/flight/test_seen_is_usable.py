@@ -1,6 +1,7 @@
 """What counts as observed is what a mission would get: sunlit, resolved, and by the pictures that arrive."""
 
 import re
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -12,9 +13,9 @@ import swarm_mj as sm
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.downlink import deliver, frame_pixels, tiles_of
 from swarm_mj.flight.fly import simulate
-from swarm_mj.flight.observe import flight_pictures, observe_flight
+from swarm_mj.flight.observe import arrival_samples, flight_pictures, observe_flight, observer_from
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.observation.capture import incidence
+from swarm_mj.observation.capture import causes, incidence
 from swarm_mj.observation.coverage import Cause
 from swarm_mj.scenarios.loading import load_scenario
 
@@ -120,6 +121,23 @@ def test_what_is_not_observed_has_its_cause(bennu, limit, cause):
     assert (result.why == Cause.NONE).tolist() == result.coverage.seen.tolist()
     area = np.bincount(result.why, plan.region.area, len(Cause))
     assert area.argmax() == cause and area[cause] > 0.6 * plan.region.total_area
+
+
+@pytest.mark.parametrize("limits", [(0.2, 3.0), (0.001, 1.0)])
+def test_pictures_from_too_far_away_are_judged_as_all_others(bennu, limits):
+    plan, telemetry, _ = bennu
+    asked = dict(zip(("observation.max_gsd_m", "camera.half_angle_deg"), limits, strict=True))
+    told = replace(plan, scenario=load_scenario(plan.scenario, {**asked, "observation.light": "ignored"}))
+    result, why, arrivals = observe_flight(told, telemetry), *np.zeros((2, plan.region.n_cells), np.int8)
+    times_s = telemetry["time"].values[arrival_samples(told.scenario)]
+    with closing(observer_from(told.scenario, plan.region)) as observer:
+        for picture in flight_pictures(told, telemetry):
+            cause = causes(observer, picture.pose, told.scenario.observation)
+            why = np.maximum(why, cause)
+            if picture.t == times_s[picture.spacecraft]:
+                arrivals = np.maximum(arrivals, cause)
+    assert np.array_equal(result.why, why) and not np.array_equal(arrivals, why)
+    assert result.images == len(list(flight_pictures(told, telemetry)))
 
 
 def test_a_camera_that_was_off_is_the_cause_where_all_else_was_right(bennu):
