@@ -22,6 +22,7 @@ from swarm_mj.simulator.flight_setup import FlightSetup, compiled_law_of, gravit
 from swarm_mj.simulator.flights import NEVER, Flights, allocate_flights
 from swarm_mj.simulator.loop import Ask, Stage, run, sense_flights
 from swarm_mj.simulator.mujoco import MujocoStepper, own_copy
+from swarm_mj.simulator.mujoco_step import MujocoFlight
 from swarm_mj.simulator.plugin_calls import (
     Memory,
     ask_for_targets,
@@ -94,7 +95,7 @@ class FlightBatch:
             self.conditions = conditions_for(setup.fault_model, setup.properties, self.world, count)
         self.causes = [""] * count
         self._starts: list[InitialState | None] = [None] * count
-        self._everyone = np.ones(count, np.bool_)
+        self._everyone, self._alone = np.ones(count, np.bool_), np.eye(count, dtype=np.bool_)
         self._memories = [Memory() for _ in range(count)]
         self._behaviors: list[Behavior] = list(behaviors or ())
         self._controller: Controller | None = None
@@ -119,8 +120,7 @@ class FlightBatch:
         """What every flight has of its own beside the arrays: none of it where the kernel flies as planned."""
         setup, every = self.setup, range(self.count)
         model, faults, thrusters = setup.model, setup.fault_model, setup.properties.thrusters
-        # With gyrostats the kernel steps here; compiled code for MuJoCo's step is compiled without it.
-        self._kernel = True if model.stepper == "kernel" else None
+        self._kernel = model.stepper == "kernel"
         if self._kernel and model.own is not None:
             raise SimulationError(
                 f"physics.stepper = kernel flies the packaged CubeSat, not {model.own.path.name}; use physics.stepper: mujoco"
@@ -398,13 +398,22 @@ class FlightBatch:
             SimulationError: A force or control law cannot be flown.
         """
         live, f = self._everyone if live is None else live, self.flights
-        while run(self.world, self._compiled_law, f, self.conditions, self._kernel, until, live, decide):
-            for e in np.flatnonzero(f.ask).tolist():
-                self._hooks[int(f.ask[e])](e)
+        if self._steppers:
+            for stepper, alone in zip(self._steppers, self._alone, strict=True):
+                self._run(stepper.flight, until, live & alone, decide)
+        else:
+            self._run(None, until, live, decide)
         if decide and self._steppers:
             for e in np.flatnonzero(live & f.finite).tolist():
                 self._steppers[e].hold()  # for whoever looks at MuJoCo's data: sensors, viewers
         return bool(f.finite[live].all())
+
+    def _run(self, mj: MujocoFlight | None, until: Ints, live: Mask, decide: bool) -> None:
+        """The same of flights that the kernel steps, or of one that MuJoCo does."""
+        f = self.flights
+        while run(self.world, self._compiled_law, f, self.conditions, mj, until, live, decide):
+            for e in np.flatnonzero(f.ask).tolist():
+                self._hooks[int(f.ask[e])](e)
 
     def _prepare(self, e: int) -> None:
         """Let happen what is due before a decision, and ask for the targets that hold until the next such instant."""

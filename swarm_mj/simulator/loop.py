@@ -29,6 +29,7 @@ from swarm_mj.simulator.decide import (
 )
 from swarm_mj.simulator.flights import Flights, World
 from swarm_mj.simulator.kernel import move, turn_gyrostats
+from swarm_mj.simulator.mujoco_step import may_step, step
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.simulator.wheel_drive import WheelState, drive
 from swarm_mj.smallbody.gravity.compiled import write_attraction
@@ -69,12 +70,12 @@ class Ask(IntEnum):
     SLEW = 32  #: references that go by a profile
     LAW = 64  #: torques by a law in Python
     TORQUE = 128  #: a torque is not finite
-    STEP = 256  #: MuJoCo's step
+    STEP = 256  #: MuJoCo's step of what is more than rigid, or no longer flies
 
 
 @allocation_free
 def run(
-    world: World, law: Any, flights: Flights, conditions: Any, kernel: Any, until: Ints, live: Mask, decide: bool
+    world: World, law: Any, flights: Flights, conditions: Any, mj: Any, until: Ints, live: Mask, decide: bool
 ) -> int:
     """Fly each flight until its tick, or until it asks for something.
 
@@ -83,7 +84,7 @@ def run(
         law: The control law, a C function of arrays, see `CompiledLaw`; beside `world`, for Numba looks up its type slowly.
         flights: Their states.
         conditions: What faults and dispersions make of them, `Conditions`; None: nothing.
-        kernel: Whether gyrostats are stepped here; None: MuJoCo steps.
+        mj: MuJoCo's side of the only flight that is live, `MujocoFlight`; None: gyrostats are stepped here.
         until: Ticks, shape (E,).
         live: Which flights, shape (E,).
         decide: Whether the decision of the last tick is made too; it then stands until it is flown.
@@ -106,10 +107,15 @@ def run(
                 continue
             if tick >= until[e]:
                 break
-            if kernel is None:
-                ask = Ask.STEP.value
-            else:
+            if mj is None:
                 _step(world, flights, e)
+            elif may_step(mj, flights, e):
+                step(mj, flights, e, world.timesteps)
+            else:
+                ask = Ask.STEP.value
+                continue
+            flights.tick[e] += 1
+            flights.stage[e] = Stage.BEGIN
         flights.ask[e] = ask
         asking += ask != 0
     return asking
@@ -363,8 +369,6 @@ def _step(world: World, flights: Flights, e: int) -> None:
         world.timestep,
         world.timesteps,
     )
-    flights.tick[e] += 1
-    flights.stage[e] = Stage.BEGIN
 
 
 @jittable

@@ -19,6 +19,7 @@ import numpy as np
 
 from swarm_mj.errors import ScenarioError, SimulationError
 from swarm_mj.scenarios.schema import is_multiple
+from swarm_mj.simulator.mujoco_step import hold, mujoco_flight, read, step
 from swarm_mj.simulator.slots import Resting, Slot
 from swarm_mj.simulator.state import FlightState
 from swarm_mj.spacecraft.model import SwarmModel
@@ -61,12 +62,18 @@ class MujocoStepper:
         state: Of the flight, with an MjData.
         timesteps: In a control period.
         gradient_gm: Gravitational parameter whose gradient turns bodies of one's own [m^3/s^2]; 0: none does.
+
+    Attributes:
+        model: The swarm.
+        data: MuJoCo's state.
+        flight: The same for compiled code.
     """
 
     def __init__(self, state: FlightState, timesteps: int, gradient_gm: float) -> None:
         assert state.data is not None
         self._state, self._timesteps, self._gradient_gm = state, timesteps, gradient_gm
         self.model, self.data = state.model, state.data
+        self.flight = mujoco_flight(state.model, state.data)
 
     def __reduce__(self) -> str:
         """Refuse to be copied or pickled, and so every simulation: what is copied would go on stepping this flight."""
@@ -90,33 +97,27 @@ class MujocoStepper:
 
     def read(self) -> None:
         """Take the state of the flight from MuJoCo."""
-        state, (qpos, qvel) = self._state, self.model.state(self.data)
-        state.r_N[:], state.q_BN[:] = qpos[:, :3], qpos[:, 3:7]
-        state.v_N[:], state.omega_B[:], state.wheel_speed[:] = qvel[:, :3], qvel[:, 3:6], qvel[:, 6:]
+        read(self.flight, self._state.flights, 0)
         if self.model.own is not None:
-            state.flights.offset_N[0] = self.model.centres_of_mass(self.data)[0] - state.r_N
+            self._state.flights.offset_N[0] = self.model.centres_of_mass(self.data)[0] - self._state.r_N
 
     def hold(self) -> None:
         """Set forces and motor torques of the coming hold."""
-        state, model, data = self._state, self.model, self.data
-        hub, forces = model.hub_body, data.xfrc_applied
-        mujoco.mju_mat2Quat(data.mocap_quat[model.asteroid_mocap], np.ascontiguousarray(state.C_AN.T).ravel())
-        if state.resting.any():
-            self._rest()
-        if model.own is None:
-            forces[hub, :3] = state.mass[:, None] * state.work[Slot.A] + state.thrust_N
-            forces[hub, 3:] = state.torque_N
-        else:
-            self._weigh_bodies()
-            forces[hub, :3] += state.thrust_N
-            forces[hub, 3:] += state.torque_N
-        data.ctrl[model.layout.ctrl] = state.motor
+        self._prepare()
+        hold(self.flight, self._state.flights, 0)
 
     def step(self) -> None:
         """Fly the hold."""
-        self.hold()
-        mujoco.mj_step(self.model.mjmodel, self.data, nstep=self._timesteps)
-        self.read()
+        self._prepare()
+        step(self.flight, self._state.flights, 0, self._timesteps)
+        if self.model.own is not None:
+            self.read()
+
+    def _prepare(self) -> None:
+        if self._state.resting.any():
+            self._rest()
+        if self.model.own is not None:
+            self._weigh_bodies()
 
     def get_state(self) -> Array:
         """All numbers that MuJoCo needs to go on, a copy."""
