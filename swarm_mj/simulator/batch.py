@@ -1,7 +1,7 @@
 """E flights of one swarm, flown together by the one loop; `Simulation` is one of them with names.
 
-`loop.run` flies as far as compiled code can; what a flight asks for on the way (plug-ins, faults, thrusters, MuJoCo's step) is
-done here. Who steps is `SwarmModel.stepper`: MuJoCo, or the kernel for gyrostats.
+`loop.run` flies as far as compiled code can; what a flight asks for on the way (plug-ins, faults, thrusters, MuJoCo's step of
+spacecraft that are more than rigid) is done here. Who steps is `SwarmModel.stepper`: MuJoCo, or the kernel for gyrostats.
 """
 
 from __future__ import annotations
