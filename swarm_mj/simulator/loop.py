@@ -1,9 +1,8 @@
 """The one loop of every flight: read the state, decide, hold, step; compiled, for E flights of a swarm.
 
-A flight goes on until its tick, or until it must ask Python: for a plug-in, for something that happens, for MuJoCo's step where
-that is not all there is to do. It
-then says what it asks for, and at its next call goes on from the stage where it stands. Nothing here depends on how many
-flights are flown, so that each comes out bit for bit as if it flew alone.
+A flight goes on until its tick, or until it must ask Python: for a plug-in, for something that happens, for MuJoCo's step
+where that is not all there is to do. It then says what it asks for, and at its next call goes on from the stage where it
+stands. Nothing here depends on how many flights are flown, so that each comes out bit for bit as if it flew alone.
 """
 
 from __future__ import annotations
