@@ -81,6 +81,8 @@ LIT_SHARE = 0.1
 FAR_OFF, LEAST_GAIN = 6.0, 0.2
 #: Root mean square of the residuals over the noise beyond which the picture is not believed to be one of the model.
 MISFIT = 30.0
+#: What is told where there are too few pixels to fit.
+NO_LIMB = "too little of the lit limb is in the picture"
 #: By how many standard deviations the mean square of residuals may exceed that of noise by chance.
 BY_CHANCE = 3.0
 
@@ -205,6 +207,8 @@ def measure_limb(seen: SeenPicture, predictor: Predictor, *, model_px: float = 0
     if region is None:
         return Rejected("limb", "no light above the noise")
     start, believed = seen.pose.r_A, seen
+    if region.cut and predictor.fills(seen):
+        return Rejected("limb", NO_LIMB)
     if not region.cut:
         for _ in range(2):
             expected = find_region(predictor.predict(believed).signal, seen.background, seen.psf_px)
@@ -274,7 +278,7 @@ def _match_pixels(
         predicted = predicted._replace(signal=_blurred(predicted.signal, blur))
     band, moves = _band(seen, predicted, BAND + int(2.0 * blur))
     if len(moves) < 3 * LEAST_EDGES:
-        return Rejected("limb", "too little of the lit limb is in the picture")
+        return Rejected("limb", NO_LIMB)
     light = predicted.signal[band]
     slopes = _splined_slopes(predicted.signal, band)
     slope = np.linalg.norm(slopes, axis=1)

@@ -161,14 +161,22 @@ class Predictor:
 
     def __init__(self, body: ShadedBody, radius: float) -> None:
         self._body, self.radius = body, radius
+        self._last: tuple[tuple[object, ...], Prediction] | None = None
 
     def predict(self, seen: SeenPicture, *, depths: bool = False, fewest: int = FEWEST_SAMPLES) -> Prediction:
-        """The picture that the believed pose would give."""
-        factor = self._body.draw_spread(seen.lens, seen.pose, seen.sun_A, seen.psf_px, fewest=fewest)
-        signal = factor.astype(np.float64) * seen.per_factor
-        if not depths:
-            return Prediction(signal)
-        return Prediction(signal, self._body.depths(seen.lens, seen.pose))
+        """The picture that the believed pose would give; kept until another one is asked for, and not to be written to."""
+        pose, sun = seen.pose, np.asarray(seen.sun_A, np.float64)
+        key = (seen.lens, pose.r_A.tobytes(), pose.C_CA.tobytes(), sun.tobytes(), seen.psf_px, seen.per_factor, fewest)
+        if self._last is None or self._last[0] != key:
+            factor = self._body.draw_spread(seen.lens, pose, sun, seen.psf_px, fewest=fewest)
+            self._last = key, Prediction(factor.astype(np.float64) * seen.per_factor)
+        if depths and self._last[1].depth is None:
+            self._last = key, self._last[1]._replace(depth=self._body.depths(seen.lens, pose))
+        return self._last[1]
+
+    def fills(self, seen: SeenPicture) -> bool:
+        """Whether the body would be under the centre of every pixel, so that no sky is in the picture."""
+        return bool((self._body.depths(seen.lens, seen.pose) > 0.0).all())
 
     def diameter_px(self, seen: SeenPicture) -> float:
         """Of the sphere about the model, as the believed pose sees it [px]."""
