@@ -27,7 +27,7 @@ from swarm_mj.io.machine import check_workers
 from swarm_mj.io.progress import using_bars
 from swarm_mj.io.records import writing
 from swarm_mj.records.design_files import design_record
-from swarm_mj.scenarios.keys import section_of
+from swarm_mj.scenarios.keys import default_text, section_of
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -278,7 +278,7 @@ def requirement_keys() -> pd.DataFrame:
         rows += [
             {
                 "key": key,
-                "default": "required" if each.is_required() else str(each.get_default(call_default_factory=True)),
+                "default": default_text(each),
                 "what": each.description,
             }
             for key, each in inside.items()

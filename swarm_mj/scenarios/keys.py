@@ -138,7 +138,7 @@ def _key(name: str, field: FieldInfo) -> Key:
         name=name,
         type=_type(field.annotation),
         unit=unit,
-        default=_default(field),
+        default="required" if field.is_required() else f"`{default_text(field)}`",
         allowed=_allowed(field),
         meaning=description.replace(f" [{_in_ascii(unit)}]", "", 1),
     )
@@ -178,14 +178,15 @@ def _plural(word: str) -> str:
     return word if word.endswith("s") else f"{word}s"
 
 
-def _default(field: FieldInfo) -> str:
+def default_text(field: FieldInfo) -> str:
+    """A field's default as a file would give it, or `required`."""
     if field.is_required():
         return "required"
     value = field.get_default(call_default_factory=True)
     if isinstance(value, tuple):
         value = list(value)
     shown = yaml.safe_dump(value, default_flow_style=True, width=1000).removesuffix("\n").removesuffix("\n...")
-    return f"`{shown}`"
+    return str(shown)
 
 
 def _allowed(field: FieldInfo) -> str:
