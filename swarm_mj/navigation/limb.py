@@ -54,7 +54,7 @@ LEAST_COSINE = 0.3
 #: Error of an edge besides noise, 1 sigma [px]: a Gaussian in place of pixels, light that does not vary as a plane; and what
 #: comes to it over the diameter on the picture [px^2], since the more it curves, the less so. Chosen so that horizons of a
 #: sphere of 30 to 400 pixels err as they say.
-EDGE_FLOOR, EDGE_CURVED = 0.003, 0.35
+EDGE_FLOOR, EDGE_CURVED = 0.004, 0.25
 #: Of the error of a predicted picture's edges in a pixel, what is left of it in an edge along a ray, which passes several.
 EDGE_SHARE = 0.6
 #: An edge is left out if it lies so many deviations, estimated robustly, from the others.
@@ -84,8 +84,8 @@ MISFIT = 30.0
 #: What is told where there are too few pixels to fit.
 NO_LIMB = "too little of the lit limb is in the picture"
 #: By how many standard deviations the mean square of residuals may exceed that of noise by chance; and over how many pixels of
-#: the limb what is left beyond that is alike, besides across the band: both chosen by every other one of 1,000 pictures each of a
-#: sphere, Eros, Bennu and a dumb-bell, so that those of which more is left err as they say.
+#: the limb what is left beyond that is alike, besides across the band. Both chosen by the pictures of docs/results/optical.md,
+#: so that those of which more is left err as they say.
 BY_CHANCE, LEFT_PX = 1.0, 2.0
 
 
