@@ -31,6 +31,7 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, observe_flight
 from swarm_mj.flight.optical_covariance import analyse_optical
 from swarm_mj.flight.plan import Plan, make_plan
+from swarm_mj.flight.refusals import refuse_known_states
 from swarm_mj.flight.trajectory_corrections import analyse_corrections
 from swarm_mj.ideas import sizing
 from swarm_mj.ideas.alternatives import Alternative, alternatives
@@ -204,6 +205,7 @@ def encounter_of(asked: Requirement) -> tuple[Scenario, Encounter]:
         ScenarioError: It cannot be flown, or it is not known how the body reflects light.
     """
     scenario = load_scenario(asked.scenario, asked.scenario_changes)
+    refuse_known_states(scenario, "the swarm designer")  # before spacecraft are sized
     plan = make_plan(scenario, check_separation=False)
     surface = body_surface(scenario.body)
     if surface is None:

@@ -9,6 +9,7 @@ import pytest
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.ideas import components
+from swarm_mj.ideas.chain import encounter_of
 from swarm_mj.ideas.components import BATTERY_WH, BUS, DETECTORS, EARTH_LINKS, PROPULSION, SIZES, WHEELS
 from swarm_mj.ideas.requirement import Requirement, load_requirement
 from swarm_mj.ideas.spacecraft import (
@@ -324,6 +325,11 @@ def test_every_kind_of_thrusters_can_be_flown(propulsion):
 def test_wrong_requirements_are_refused_by_name(changes, words):
     with pytest.raises(ScenarioError, match=words):
         load_requirement({"name": "test", "scenario": "bennu-slow", "resolution_m": 0.2, **changes})
+
+
+def test_what_flew_already_is_refused_before_anything_is_sized():
+    with pytest.raises(ScenarioError, match="initial_states: the swarm designer"):
+        encounter_of(load_requirement({"name": "test", "scenario": "refly-lutetia", "resolution_m": 100}))
 
 
 def test_the_page_of_built_spacecraft_is_current_and_marco_is_met():
