@@ -81,8 +81,10 @@ LIT_SHARE = 0.1
 FAR_OFF, LEAST_GAIN = 6.0, 0.2
 #: Root mean square of the residuals over the noise beyond which the picture is not believed to be one of the model.
 MISFIT = 30.0
-#: What is told where there are too few pixels to fit.
-NO_LIMB = "too little of the lit limb is in the picture"
+#: What is told where there are too few pixels to fit, and where these tell too little.
+NO_LIMB, UNDETERMINED = "too little of the lit limb is in the picture", "the limb does not determine a position"
+#: Largest error of a position over its distance, 1 sigma: beyond, the picture does not go with the position in proportion.
+LARGEST = 0.02
 #: By how many standard deviations the mean square of residuals may exceed that of noise by chance; and over how many pixels of
 #: the limb what is left beyond that is alike, besides across the band. Both chosen by the pictures of docs/results/optical.md,
 #: so that those of which more is left err as they say.
@@ -247,6 +249,8 @@ def measure_limb(seen: SeenPicture, predictor: Predictor, *, model_px: float = 0
     turn = -seen.pose.C_CA.T @ cross_matrix(believed.pose.to_camera(np.zeros(3)))
     beyond = max(solved.misfit**2 - 1.0 - BY_CHANCE * float(np.sqrt(2.0 / solved.used)), 0.0)
     P = solved.P * (1.0 + 2.0 * BAND * LEFT_PX * beyond)
+    if np.linalg.eigvalsh(P)[-1] > (LARGEST * float(np.linalg.norm(believed.pose.r_A))) ** 2:
+        return Rejected("limb", UNDETERMINED)
     return Fix("limb", believed.pose.r_A - start, np.eye(3), P, turn, solved.used)
 
 
@@ -293,7 +297,7 @@ def _match_pixels(
         info = (B * w[:, None]).T @ B
         scale = np.sqrt(np.diag(info))
         if not (scale > 0.0).all() or np.linalg.cond(info / np.outer(scale, scale)) > 1e10:
-            return Rejected("limb", "the limb does not determine a position")
+            return Rejected("limb", UNDETERMINED)
         fit = np.asarray(np.linalg.solve(info, (B * w[:, None]).T @ signal[band][chosen]))
         residual = np.asarray(signal[band] - basis @ fit)
         left = residual / np.sqrt(variance)
