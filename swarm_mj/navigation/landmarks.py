@@ -28,8 +28,8 @@ LARGEST_PX = 1.0
 #: Share of the landmarks that must agree, and how well: median of their distances from where the fit puts them [px].
 SHARE, AGREE_PX = 0.6, 1.0
 #: Error of a landmark besides what its own patch tells, 1 sigma [px]; so that those of Eros, Bennu and a dumb-bell err as
-#: they say.
-FLOOR = 0.0065
+#: they say or less.
+FLOOR = 0.0055
 #: What cubic interpolation leaves of the variance of noise, on the mean over all places between pixels.
 CUBIC = 0.75
 #: Residuals of a patch by terrain that the model lacks are alike over so many pixels along each side: measured on rough Eros.
