@@ -27,6 +27,7 @@ PURPOSE = {
     "numpy": "arrays",
     "scipy": "integrators, the exact solver (HiGHS), sparse matrices, sampling",
     "numba": "compiled loops",
+    "llvmlite": "functions of MuJoCo for compiled loops",
     "trimesh": "the PLY reader, glTF scenes",
     "embreex": "ray casting (Embree)",
     "moderngl": "face-ID buffers on OpenGL",
