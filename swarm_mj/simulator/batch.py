@@ -95,7 +95,7 @@ class FlightBatch:
             self.conditions = conditions_for(setup.fault_model, setup.properties, self.world, count)
         self.causes = [""] * count
         self._starts: list[InitialState | None] = [None] * count
-        self._everyone, self._alone = np.ones(count, np.bool_), np.eye(count, dtype=np.bool_)
+        self._everyone = np.ones(count, np.bool_)
         self._memories = [Memory() for _ in range(count)]
         self._behaviors: list[Behavior] = list(behaviors or ())
         self._controller: Controller | None = None
@@ -399,8 +399,10 @@ class FlightBatch:
         """
         live, f = self._everyone if live is None else live, self.flights
         if self._steppers:
-            for stepper, alone in zip(self._steppers, self._alone, strict=True):
-                self._run(stepper.flight, until, live & alone, decide)
+            for e in np.flatnonzero(live).tolist():
+                alone = np.zeros(self.count, np.bool_)
+                alone[e] = True
+                self._run(self._steppers[e].flight, until, alone, decide)
         else:
             self._run(None, until, live, decide)
         if decide and self._steppers:
