@@ -372,7 +372,7 @@ def _band(seen: SeenPicture, predicted: Prediction, width: int) -> tuple[Mask, A
         return band, np.empty((0, 2, 3))
     inside = np.ascontiguousarray(solid[box])
     rim, (square, beside) = np.zeros_like(inside), np.empty((2, *inside.shape), np.int32)
-    _mark_rim(inside, width, square, beside, rim)
+    mark_rim(inside, width, square, beside, rim)
     # Lit: light within the band's width.
     near = ndimage.maximum_filter(predicted.signal[box], 2 * width + 1)
     bright = LIT_SHARE * float(np.quantile(predicted.signal[solid], 0.9))
@@ -385,7 +385,7 @@ def _band(seen: SeenPicture, predicted: Prediction, width: int) -> tuple[Mask, A
 
 
 @allocation_free
-def _mark_rim(solid: Mask, width: int, square: Ints32, nearest: Ints32, rim: Mask) -> None:
+def mark_rim(solid: Mask, width: int, square: Ints32, nearest: Ints32, rim: Mask) -> None:
     """Mark pixels up to some width inside and outside the edge of the solid ones; all of one shape.
 
     Args:

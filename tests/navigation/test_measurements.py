@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from scipy.stats import chi2
 
 from swarm_mj.navigation.centroid import measure_centroid
 from swarm_mj.navigation.landmarks import measure_landmarks
-from swarm_mj.navigation.limb import horizon_position, horizon_residuals, measure_horizon, measure_limb
+from swarm_mj.navigation.limb import horizon_position, horizon_residuals, mark_rim, measure_horizon, measure_limb
 from swarm_mj.navigation.measure import measure, suited
 from swarm_mj.navigation.picture import Fix, Rejected, centre_of_brightness, find_region
 from swarm_mj.observation.camera import CameraPose, look_at
@@ -237,3 +238,19 @@ def test_parts_whose_margins_meet_are_one_body_and_what_is_far_is_not():
     far = find_region(spot(40.0, 50.0, 900.0) + spot(90.0, 50.0, 300.0), 25.0, 0.6)
     assert neck.centre == pytest.approx([40.0 + 14.0 / 4.0, 50.0], abs=0.05)
     assert far.centre == pytest.approx([40.0, 50.0], abs=0.05)
+
+
+def test_the_rim_of_a_body_is_that_of_a_distance_transform():
+    rng = np.random.default_rng(3)
+    solid = np.ascontiguousarray(ndimage.gaussian_filter(rng.normal(size=(60, 80)), 5.0) > 0.02)
+    rim, (square, nearest) = np.zeros_like(solid), np.empty((2, *solid.shape), np.int32)
+    mark_rim(solid, 6, square, nearest, rim)
+    inside, outside = ndimage.distance_transform_edt(solid), ndimage.distance_transform_edt(~solid)
+    assert np.array_equal(rim, np.where(solid, inside, outside) <= 6)
+    rows, columns = np.nonzero(rim & ~solid)
+    found = nearest[rows, columns]
+    assert solid.ravel()[found].all()
+    off = np.hypot(found // solid.shape[1] - rows, found % solid.shape[1] - columns)
+    assert off == pytest.approx(outside[rows, columns])
+    own = np.flatnonzero(rim & solid)
+    assert np.array_equal(nearest.ravel()[own], own)
