@@ -33,7 +33,7 @@ from swarm_mj.io.machine import usable_cores
 from swarm_mj.navigation.centroid import measure_centroid
 from swarm_mj.navigation.filter import GATE
 from swarm_mj.navigation.landmarks import FLOOR, measure_landmarks
-from swarm_mj.navigation.limb import EDGE_FLOOR, LEFT_PX, measure_horizon, measure_limb
+from swarm_mj.navigation.limb import EDGE_FLOOR, SQUARE_PX, measure_horizon, measure_limb
 from swarm_mj.navigation.picture import FEWEST_SAMPLES, TAKEN_SAMPLES, Fix, Predictor, Rejected, SeenPicture
 from swarm_mj.observation.camera import CameraModel, CameraPose, look_at
 from swarm_mj.observation.detector import DetectorModel
@@ -142,11 +142,11 @@ as that of flights does.
 
 What pictures err by as they are drawn is small beside noise, since samples that an edge of the mesh parts share their areas
 as the edge divides them; shadows have none of that. Limbs allow for what is left by one number for a size of the body on the
-picture, whatever its shape and light, and where a fit leaves more than noise by what it leaves, alike across the band and over
-{left:g} pixels along the limb: chosen so that limbs come out right in the mean of the first four bodies; landmarks by an error
-of their own of {floor} px, and horizons by {edge} px and more where they curve, chosen so that those of the sphere do. These
-numbers were chosen by pictures of these bodies, most of them those above: the table shows how far one set of numbers carries.
-Itokawa, of 100 pixels and more, took no part in that.
+picture, whatever its shape and light; and where what a fit leaves pulls it by more than noise would, square by square of
+{square} x {square} pixels, by that. Landmarks have an own error of {floor} px, and horizons of {edge} px and more where
+they curve. These numbers were chosen by pictures of the first four bodies, most of them those above, so that limbs come out
+right in the mean, and horizons those of the sphere: the table shows how far one set of numbers carries. Itokawa, of 100 pixels
+and more, took no part in that.
 
 ## Filter
 
@@ -155,7 +155,7 @@ drawn, and err by what the filter is told (`scripts/pages/filter_flights.py`). N
 estimates at the end and of the innovations over what the filter says of them, a component; in brackets where 95 % of right
 ones lie. *Far off* are estimates whose squared error is beyond what one in a hundred right ones exceeds. Ranges known to 1 m
 between places known much worse are not linear: they are believed less, by which innovations come out smaller than said. Of
-near spacecraft that is not enough: most estimates err as said, a few per cent by far more.
+near spacecraft twice as many as should are far off all the same.
 
 | case | flights | NEES | far off | NIS |
 |---|---|---|---|---|
@@ -454,7 +454,7 @@ def main() -> None:
             taken=TAKEN_SAMPLES,
             predicted=FEWEST_SAMPLES,
             floor=FLOOR,
-            left=LEFT_PX,
+            square=SQUARE_PX,
             edge=EDGE_FLOOR,
             speed=speed,
             mitsuba=mitsuba,

@@ -654,8 +654,8 @@ def _solved(objective: Array, constraints: list[LinearConstraint], most: Array) 
 @lru_cache(maxsize=PROGRAMS)
 def _solved_table(table: bytes, shape: tuple[int, int]) -> Array | None:
     rows = np.frombuffer(table).reshape(shape)
-    constraints = [LinearConstraint(row[None, :-2], row[-2], row[-1]) for row in rows[2:]]
-    x = solve_program(rows[0, :-2], constraints, None, most=rows[1, :-2]).x
+    constraints = LinearConstraint(rows[2:, :-2], rows[2:, -2], rows[2:, -1])
+    x = solve_program(rows[0, :-2], [constraints], None, most=rows[1, :-2]).x
     return None if x is None else np.rint(x)
 
 

@@ -33,9 +33,9 @@ STEP, LONGEST_S = 0.05, 600.0
 #: Chance with which a measurement as unlikely as one that is rejected would be a true one: one in a million.
 GATE = 1e-6
 #: How many times what a range varies beyond first order counts in the estimate: it does not become less as others follow, since
-#: it comes of the same errors in all of them. Chosen so that estimates of drawn flights err as they say in the median; of
-#: spacecraft as near to each other as ten times what is known of their places a few per cent err by far more.
-SECOND_ORDER = 3.0
+#: it comes of the same errors in all of them. Chosen so that estimates of drawn flights err as they say, in the mean and in the
+#: tail (`docs/results/optical.md`).
+SECOND_ORDER = 6.0
 
 
 @dataclass(frozen=True, kw_only=True)

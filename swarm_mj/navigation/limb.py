@@ -85,10 +85,9 @@ MISFIT = 30.0
 NO_LIMB, UNDETERMINED = "too little of the lit limb is in the picture", "the limb does not determine a position"
 #: Largest error of a position over its distance, 1 sigma: beyond, the picture does not go with the position in proportion.
 LARGEST = 0.02
-#: By how many standard deviations the mean square of residuals may exceed that of noise by chance; and over how many pixels of
-#: the limb what is left beyond that is alike, besides across the band. Both chosen by the pictures of docs/results/optical.md,
-#: so that those of which more is left err as they say.
-BY_CHANCE, LEFT_PX = 1.0, 2.0
+#: Sides of the squares of which it is told how much they pull a fit by what noise does not explain [px]: errors within one are
+#: taken for one, those of two for independent.
+SQUARE_PX = 4
 
 
 class Edges(NamedTuple):
@@ -247,11 +246,9 @@ def measure_limb(seen: SeenPicture, predictor: Predictor, *, model_px: float = 0
     if solved.misfit > MISFIT:
         return Rejected("limb", "the limb does not look like the model's")
     turn = -seen.pose.C_CA.T @ cross_matrix(believed.pose.to_camera(np.zeros(3)))
-    beyond = max(solved.misfit**2 - 1.0 - BY_CHANCE * float(np.sqrt(2.0 / solved.used)), 0.0)
-    P = solved.P * (1.0 + 2.0 * BAND * LEFT_PX * beyond)
-    if np.linalg.eigvalsh(P)[-1] > (LARGEST * float(np.linalg.norm(believed.pose.r_A))) ** 2:
+    if np.linalg.eigvalsh(solved.P)[-1] > (LARGEST * float(np.linalg.norm(believed.pose.r_A))) ** 2:
         return Rejected("limb", UNDETERMINED)
-    return Fix("limb", believed.pose.r_A - start, np.eye(3), P, turn, solved.used)
+    return Fix("limb", believed.pose.r_A - start, np.eye(3), solved.P, turn, solved.used)
 
 
 class _Fitted(NamedTuple):
@@ -276,7 +273,8 @@ def _match_pixels(
 ) -> _Fitted | Rejected:
     """Fit the pixels about the lit limb, of pictures that are blurred by so many pixels.
 
-    Its covariance is that of the noise alone, as if its slopes were those of the picture; `exact`: by slopes that were drawn.
+    Its covariance is that of noise and model, as if its slopes were those of the picture; `exact`: by drawn slopes, and
+    where what is left pulls more than noise and model would, by that.
     """
     predicted = predictor.predict(seen, depths=True, fewest=2 if blur > 0.0 else FEWEST_SAMPLES)
     if blur > 0.0:
@@ -314,11 +312,14 @@ def _match_pixels(
         true = np.column_stack((light, drawn))[used]
     # The fit ends where K residual = 0: what noise moves that by, the picture's own slopes say.
     settle = np.linalg.inv(K @ true)
-    P4 = settle @ info @ settle.T
+    pull = info
     if model_px > 0.0:
         # Places of the limb err alone; the pixels of one, across the band, as one.
-        error = (settle @ K) * (model_px * slope[used]) * np.sqrt(2.0 * ALIKE_PX)
-        P4 = P4 + error @ error.T
+        error = K * (model_px * slope[used]) * np.sqrt(2.0 * ALIKE_PX)
+        pull = info + error @ error.T
+    if exact:
+        pull = _at_least(pull, _pulled(K * residual[used], band, used))
+    P4 = settle @ pull @ settle.T
     gain = float(fit[0])
     if not gain > LEAST_GAIN:
         return Rejected("limb", "the picture is not as bright as the model's")
@@ -326,6 +327,23 @@ def _match_pixels(
     misfit = float(np.sqrt(np.mean(residual[used] ** 2 / (variance + (model_px * slope) ** 2)[used])))
     P = C.T @ P4[1:, 1:] @ C / gain**2
     return _Fitted(C.T @ fit[1:] / gain, 0.5 * (P + P.T), int(used.sum()), misfit)
+
+
+def _pulled(score: Array, band: Mask, used: Mask) -> Array:
+    """Sum of the squares of what each square of pixels pulls by, of what pixels of a band do that were used, shape (4, n)."""
+    rows, columns = (each[used] // SQUARE_PX for each in np.nonzero(band))
+    _, square = np.unique(rows * band.shape[1] + columns, return_inverse=True)
+    each = np.stack([np.bincount(square, row) for row in score])
+    return np.asarray(each @ each.T)
+
+
+def _at_least(covariance: Array, found: Array) -> Array:
+    """A covariance, and along those directions in which the one found is larger, that one."""
+    root = np.linalg.cholesky(covariance)
+    half = np.linalg.solve(root, found)
+    ratio, along = np.linalg.eigh(np.linalg.solve(root, half.T))
+    wide = root @ along * np.sqrt(np.maximum(ratio, 1.0))
+    return np.asarray(wide @ wide.T)
 
 
 def _blurred(signal: Array, blur: float) -> Array:

@@ -115,6 +115,34 @@ def test_limbs_of_a_body_of_any_shape_err_as_they_say():
     consistent(lump, lambda seen: measure_limb(seen, lump.predictor), (40.0, 90.0), 8, 3)
 
 
+def test_limbs_of_ground_that_the_model_does_not_know_are_believed_less(studio):
+    vertices, faces = ball()
+    spotted = Studio(vertices, faces)
+    albedo = np.exp(0.2 * np.random.default_rng(0).normal(size=len(faces)))
+    spotted.body = ShadedBody(vertices, faces, spotted.body.surface, albedo)
+    rng, total, dof = np.random.default_rng(3), 0.0, 0
+    for _ in range(14):
+        distance = studio.distance(np.exp(rng.uniform(*np.log((60.0, 150.0)))))
+        r_A, C_CA, sun_A = geometry(rng, distance, np.radians(rng.uniform(5.0, 100.0)), 0.01)
+        off = 1e-3 * distance * rng.normal(size=3)
+        fix = measure_limb(spotted.shot(r_A, C_CA, sun_A, rng, r_A + off), studio.predictor)
+        if isinstance(fix, Fix):
+            total, dof = total + (fix.y + off) @ np.linalg.solve(fix.R, fix.y + off), dof + 3
+    # By noise alone they would err by ten times what they say, and more.
+    assert dof > 30 and 0.3 < total / dof < 5.0
+
+
+def test_limbs_that_hardly_know_the_distance_are_refused(studio):
+    rng = np.random.default_rng(0)
+    r_A, C_CA, sun_A = geometry(rng, studio.distance(60.0), 0.8, 0.01)
+    seen = studio.shot(r_A, C_CA, sun_A, rng, r_A)
+    known = measure_limb(seen, studio.predictor, model_px=0.1)
+    assert isinstance(known, Fix)
+    # Three pixels of a radius of thirty: what is refused is more than 2 % of the distance.
+    poor = measure_limb(seen, studio.predictor, model_px=3.0)
+    assert isinstance(poor, Rejected) and "does not determine" in poor.why
+
+
 def test_horizons_of_ellipsoids_err_no_more_than_they_say():
     axes = np.array([1000.0, 700.0, 600.0])
     studio = Studio(*ball(5, tuple(axes)))
