@@ -36,6 +36,7 @@ from scipy.optimize import LinearConstraint
 from scipy.sparse import coo_array
 
 from swarm_mj.compilation import kernel
+from swarm_mj.designer.candidates.kept_flights import keep_sightings, kept_sightings
 from swarm_mj.designer.candidates.pictures import Progress
 from swarm_mj.designer.candidates.visibility import Candidate, Visibility, observers_of
 from swarm_mj.designer.exact import FEASIBILITY_TOLERANCE, Waiting, solve_program
@@ -587,13 +588,16 @@ def _pairs(sample: Sample) -> Ints:
 
 
 def fly_realisations(
-    scenario: Scenario, candidates: Sequence[Candidate], seeds: Sequence[int], progress: Progress | None = None
+    scenario: Scenario,
+    candidates: Sequence[Candidate],
+    seeds: Sequence[int],
+    progress: Progress | None = None,
 ) -> Iterator[Realisation]:
     """Fly candidates together as the scenario disperses them, but for its losses: a realisation of each seed.
 
     The spacecraft do not matter to each other, but where the mothership's velocity is the mean of all. With
     `navigation.mode: optical` and no corrections no pictures are taken for navigation: what is known is drawn from what linear
-    covariance says of pictures along the planned paths.
+    covariance says of pictures along the planned paths. What is kept of a flight is not flown again.
     """
     losses, plan, known, navigator = losses_of(scenario), None, None, None
     changes = {
@@ -606,18 +610,22 @@ def fly_realisations(
     for number, seed in enumerate(seeds):
         interruption.check()
         flown = asked.model_copy(update={"seed": seed})
-        if plan is None or asked.dispersions.target_m > 0.0:  # the target's true place is drawn with the plan
-            plan = make_plan(flown, check_separation=False)
-        plan = replace(plan, scenario=flown)
-        if flown.navigation.mode == "optical" and not flown.trajectory.corrections:
-            from swarm_mj.flight.optical_covariance import DrawnKnowledge, known_at_arrivals
+        found = kept_sightings(flown)
+        if found is None:
+            if plan is None or asked.dispersions.target_m > 0.0:  # the target's true place is drawn with the plan
+                plan = make_plan(flown, check_separation=False)
+            plan = replace(plan, scenario=flown)
+            if flown.navigation.mode == "optical" and not flown.trajectory.corrections:
+                from swarm_mj.flight.optical_covariance import DrawnKnowledge, known_at_arrivals
 
-            known = known_at_arrivals(plan) if known is None else known
-            navigator = DrawnKnowledge(known, plan.deployment.arrival_s, seed)
-        seen = observe_flight(plan, simulate(plan, navigator=navigator)).coverage
-        yield realise(
-            seen.first_seen_by_s[: len(candidates)], seen.area, losses, np.random.default_rng([seed, _LOSSES])
-        )
+                if known is None:  # as of the first seed, whichever flights are kept
+                    first = asked.model_copy(update={"seed": seeds[0]})
+                    known = known_at_arrivals(make_plan(first, check_separation=False))
+                navigator = DrawnKnowledge(known, plan.deployment.arrival_s, seed)
+            seen = observe_flight(plan, simulate(plan, navigator=navigator)).coverage
+            found = {"first_seen_s": seen.first_seen_by_s[: len(candidates)], "area": seen.area}
+            keep_sightings(flown, **found)
+        yield realise(found["first_seen_s"], found["area"], losses, np.random.default_rng([seed, _LOSSES]))
         if progress is not None:
             progress((number + 1) / len(seeds))
 

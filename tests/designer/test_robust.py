@@ -1,7 +1,7 @@
 """The fewest spacecraft for a probability: against enumeration of all designs and all losses."""
 
 import json
-from itertools import combinations, product
+from itertools import combinations, islice, product
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -9,8 +9,10 @@ import pytest
 
 import swarm_mj as sm
 from swarm_mj.cli.tables import certainty_table, design_table, verified_words
+from swarm_mj.designer import robust
+from swarm_mj.designer.candidates.visibility import Candidate
 from swarm_mj.designer.exact import solve_exact
-from swarm_mj.designer.robust import Loss, Realisation, RobustSearch, Sample, losses_of, realise
+from swarm_mj.designer.robust import Loss, Realisation, RobustSearch, Sample, fly_realisations, losses_of, realise
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.scenarios.loading import load_scenario
 
@@ -204,6 +206,25 @@ def test_a_probability_that_none_can_keep_is_refused_with_what_is_possible(tmp_p
         MissionError, match=r"designer\.probability = 0\.999: .* the best known keeps 0\.\d+ with \d; ask for less"
     ):
         sm.design("eros-quick", asked, progress=False)
+
+
+def test_dispersed_flights_of_an_interrupted_design_are_not_flown_again(tmp_path, monkeypatch):
+    changes = {**SMALL, "dispersions.target_m": 200.0, "dispersions.deployment_velocity_m_s": 0.1}
+    scenario, flown = load_scenario("eros-quick", changes), []
+    design = scenario.design
+    pair = [Candidate(k, 0, design.imaging_altitude_m, design.time_of_flight_s, 0.0) for k in (1, 5)]
+    simulate = robust.simulate
+    monkeypatch.setattr(robust, "simulate", lambda plan, **given: flown.append(0) or simulate(plan, **given))
+
+    def draw(cache, count):
+        monkeypatch.setenv("SWARM_MJ_CACHE", str(tmp_path / cache))
+        return list(islice(fly_realisations(scenario, pair, [11, 12, 13]), count))
+
+    whole, _, resumed = draw("a", 3), draw("b", 1), draw("b", 3)
+    assert len(flown) == 3 + 3
+    for one, other in zip(whole, resumed, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+    assert not np.array_equal(whole[0].full, whole[1].full) or not np.array_equal(whole[1].full, whole[2].full)
 
 
 def interrupt_after(monkeypatch, calls):

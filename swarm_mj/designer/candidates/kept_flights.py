@@ -24,8 +24,9 @@ from swarm_mj.io.arrays import Declared
 from swarm_mj.io.cache import Arrays, cache_folder, hash_of, load_arrays, store_arrays
 from swarm_mj.mission.trajectories import Deployment, PlannedBurn, Progress
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.typing import Array
 
-#: What all kept flights together may take [bytes].
+#: What all kept flights, and all sightings, together may take [bytes].
 FOLDER_BYTES = 2 * 2**30
 #: Of the deployment, of n candidates and perhaps the spacecraft that only communicates: m in all.
 DEPLOYMENT = {
@@ -48,6 +49,8 @@ FLIGHTS = {
     "points": Declared("i8", ("n",), 1),
     "burns": Declared("f8", ("b", 5)),
 }
+#: What is kept of one dispersed flight of all candidates: when each first sees each cell [s], NaN: never, and areas [m^2].
+SIGHTINGS = {"first_seen_s": Declared("f8", ("n", "c"), gaps="nan"), "area": Declared("f8", ("c",), 0.0)}
 #: What is kept where no point can be flown to.
 NONE = {**LEFT_OUT, "refused": Declared("U")}
 
@@ -92,6 +95,19 @@ def keep(scenario: Scenario, arrays: Arrays) -> None:
         store_arrays(file, arrays, folder_bytes=FOLDER_BYTES)
 
 
+def kept_sightings(scenario: Scenario) -> Arrays | None:
+    """The arrays of `SIGHTINGS` of the flight of a scenario, if they are kept."""
+    file = _file(scenario, "sightings")
+    return None if file is None else load_arrays(file, SIGHTINGS)
+
+
+def keep_sightings(scenario: Scenario, first_seen_s: Array, area: Array) -> None:
+    """Keep the arrays of `SIGHTINGS`."""
+    file = _file(scenario, "sightings")
+    if file is not None:
+        store_arrays(file, {"first_seen_s": first_seen_s, "area": area}, folder_bytes=FOLDER_BYTES)
+
+
 def _arrays_of(flights: CandidateFlights) -> Arrays:
     deployment = flights.plan.deployment
     return {
@@ -108,14 +124,14 @@ def _left_out(why: dict[int, str]) -> Arrays:
     return {"left_out": np.array(list(why), np.int64), "why": np.array(list(why.values()), np.str_)}
 
 
-def _file(scenario: Scenario) -> Path | None:
+def _file(scenario: Scenario, folder: str = "flights") -> Path | None:
     """Where the flights of a scenario are kept; None: nowhere."""
     if not _is_known(scenario):
         return None
     shape, told = load_body_shape(scenario.body), scenario.model_dump(mode="json")
     files = [f"{path} {path.stat().st_size} {path.stat().st_mtime_ns}" for path in _files_in(told)]
     key = hash_of(_program(), json.dumps(told, sort_keys=True), *files, shape.vertices, shape.faces)
-    return cache_folder() / "flights" / f"{key}.npz"
+    return cache_folder() / folder / f"{key}.npz"
 
 
 def _is_known(scenario: Scenario) -> bool:
