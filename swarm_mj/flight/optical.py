@@ -146,14 +146,15 @@ class OpticalNavigator:
         self._filters = [self.filter_at(0.0, start[who], sigma[who], gm_ratio) for who in groups]
         self._place = {j: (g, who.index(j)) for g, who in enumerate(groups) for j in who}
         self._waiting: list[_Event] = []
-        self._pushed, self._aboard, self._next = np.zeros((n, 3)), ~state.released.copy(), 0
+        self._felt = 0.0, np.zeros((n, 3)), np.zeros((n, 3))  # when, and what thrust had given by then [m/s, m]
+        self._aboard, self._next = ~state.released.copy(), 0
         self.due, self.records = 0, []
         self._write(simulation)
 
     def look(self, simulation: Simulation) -> None:
         """Count what the thrusters gave; take pictures and ranges where they are due; write what is known."""
         tick, t = simulation.tick, simulation.time
-        firing = self._note_pushes(simulation)
+        self._note_pushes(simulation)
         if tick >= self._next:
             self._next = tick + self._ticks_to_next(simulation)
             self._waiting += self._pictures(simulation)
@@ -161,7 +162,6 @@ class OpticalNavigator:
         self._use_what_is_known_by(t)
         self._write(simulation)
         soon = [k for k in self._burn_ticks if k > tick][:1]
-        soon += [tick + max(1, round(1.0 / simulation.period))] if firing else []
         # When what was seen is read out; no sooner than the next period, whatever rounding says.
         late = self.plan.scenario.navigation.optical.delay_s
         soon += [max(ceil((one.t + late) / simulation.period - 1e-6), tick + 1) for one in self._waiting]
@@ -220,22 +220,28 @@ class OpticalNavigator:
         psf_px = self.plan.scenario.camera.detector.psf_sigma_px
         return SeenPicture.of(exposed, lens, psf_px, diameter_px, pose, picture.sun_A)
 
-    def _note_pushes(self, simulation: Simulation) -> bool:
-        """Remember changes of velocity since the last look, by thrust or release; whether thrusters fire."""
+    def _note_pushes(self, simulation: Simulation) -> None:
+        """Remember what releases, and thrust since the last look, changed, as accelerometers have it."""
         state, propulsion, plan, t = simulation.state, simulation.propulsion, self.plan, simulation.time
         for j in np.flatnonzero(self._aboard & state.released):
             push = plan.deployment.v0_N[j] - plan.deployment.release_mothership_v_N[j]
             error = plan.scenario.dispersions.deployment_velocity_m_s**2 * np.eye(3)
-            self._waiting.append(_Event(float(plan.deployment.release_s[j]), int(j), delta_v_N=push, covariance=error))
+            self._note_push(float(plan.deployment.release_s[j]), int(j), np.zeros(3), push, error)
         self._aboard &= ~state.released
         if propulsion is None:
-            return False
-        gained = propulsion.delta_v_N - self._pushed
-        self._pushed = propulsion.delta_v_N.copy()
+            return
+        seen_t, seen_v, seen_r = self._felt
+        self._felt = t, propulsion.delta_v_N.copy(), propulsion.displacement_N
+        gained, carried = self._felt[1] - seen_v, self._felt[2] - seen_r - seen_v * (t - seen_t)
         for j in np.flatnonzero(gained.any(axis=1)):
             error = burn_covariance(np.outer(gained[j], gained[j]), self._errors)
-            self._waiting.append(_Event(t, int(j), delta_v_N=gained[j], covariance=error))
-        return bool(gained.any())
+            self._note_push(t, int(j), carried[j], gained[j], error)
+
+    def _note_push(self, t: float, j: int, carried_N: Array, gained_N: Array, error: Array) -> None:
+        """A change of velocity [m/s] with the covariance of its error, and how far it has carried the spacecraft by t [m]."""
+        ago = float(np.linalg.norm(carried_N)) / max(float(np.linalg.norm(gained_N)), 1e-300)
+        by = np.vstack((ago * np.eye(3), np.eye(3)))
+        self._waiting.append(_Event(t, j, change_N=np.concatenate((carried_N, gained_N)), covariance=by @ error @ by.T))
 
     def _pictures(self, simulation: Simulation) -> list[_Event]:
         """The pictures of this instant, as far as cameras work and look at the body."""
@@ -329,8 +335,8 @@ class OpticalNavigator:
                 )
                 self._note(event, "range", "" if update.accepted else WILD, update.nis, 1)
             else:
-                assert event.delta_v_N is not None and event.covariance is not None
-                each.push(j, event.delta_v_N, event.covariance)
+                assert event.change_N is not None and event.covariance is not None
+                each.push(j, event.change_N, event.covariance)
         for each in self._filters:
             each.advance(max(known, each.t))
 
@@ -391,17 +397,17 @@ class OpticalNavigator:
         flights.guessed_at[0], flights.guessing[0] = t, True
 
     def _pushes(self, g: int) -> list[tuple[float, int, Array]]:
-        """Changes of velocity of a group that its filter does not know yet."""
+        """Changes of position and velocity of a group that its filter does not know yet."""
         return [
-            (one.t, self._place[one.spacecraft][1], one.delta_v_N)
+            (one.t, self._place[one.spacecraft][1], one.change_N)
             for one in sorted(self._waiting, key=lambda one: one.t)
-            if one.delta_v_N is not None and self._place[one.spacecraft][0] == g
+            if one.change_N is not None and self._place[one.spacecraft][0] == g
         ]
 
 
 @dataclass(frozen=True, eq=False)
 class _Event:
-    """Something for a filter: a picture, a range or a change of velocity.
+    """Something for a filter: a picture, a range or a push.
 
     Attributes:
         t: When it happened [s].
@@ -410,8 +416,8 @@ class _Event:
         attitude: White error of its camera's attitude about each axis [rad]; None: likewise.
         other: To whom it ranged, from 0; None: likewise.
         range_m: That range [m].
-        delta_v_N: What it gained, shape (3,) [m/s]; None: likewise.
-        covariance: Of that, shape (3, 3) [m^2/s^2].
+        change_N: Of its position and velocity by thrust or release, shape (6,) [m, m/s]; None: likewise.
+        covariance: Of that, shape (6, 6).
     """
 
     t: float
@@ -420,7 +426,7 @@ class _Event:
     attitude: float | None = None
     other: int | None = None
     range_m: float = 0.0
-    delta_v_N: Array | None = None
+    change_N: Array | None = None
     covariance: Array | None = None
 
 

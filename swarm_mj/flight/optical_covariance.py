@@ -79,7 +79,7 @@ def analyse_optical(plan: Plan, progress: Progress | None = None) -> CorrectionA
             # What is known errs by what the burn errs by, with the sign of an estimate less a truth.
             X = burnt @ X + push @ whole[:6]
             X[3:, 3:6] -= noise[3:, 3:]
-            along.filter.push(0, np.zeros(3), noise[3:, 3:])
+            along.filter.push(0, np.zeros(6), noise)
             at_arrival[k + 1, j] = to_arrival[j, k + 1] @ D @ to_arrival[j, k + 1].T
         known[j] = along.filter.covariance(0)
         pictures.append(along.used)

@@ -213,12 +213,12 @@ class SwarmFilter:
         S[np.ix_(keep, keep)] = _triangle(wide[keep])[:, : len(keep)]
         self.S = S
 
-    def push(self, j: int, delta_v_N: Array, covariance: Array) -> None:
-        """Tell of a change of velocity [m/s], shape (3,), known with some covariance [m^2/s^2], shape (3, 3)."""
-        own = OWN * j
-        self.x[own + 3 : own + 6] += delta_v_N
-        wide = np.zeros((len(self.S), 3))
-        wide[own + 3 : own + 6] = _root(covariance)
+    def push(self, j: int, change_N: Array, covariance: Array) -> None:
+        """Tell of a change of position and velocity [m, m/s], shape (6,), known with some covariance, shape (6, 6)."""
+        own = slice(OWN * j, OWN * j + 6)
+        self.x[own] += change_N
+        wide = np.zeros((len(self.S), 6))
+        wide[own] = _root(covariance)
         self._triangularise(np.hstack((self.S, wide)))
 
     def use_fix(self, j: int, fix: Fix, C_AN: Array, attitude: float | None = None) -> Update:
@@ -283,14 +283,14 @@ class SwarmFilter:
 
         Args:
             t: Later than the filter's own.
-            pushes: Changes of velocity on the way, in order: time [s], spacecraft, and the change [m/s].
+            pushes: Changes of position and velocity on the way, in order: time [s], spacecraft, and the change, shape (6,).
         """
         copy = object.__new__(SwarmFilter)
         copy.__dict__.update(self.__dict__)
         copy.x, copy.S = self.x.copy(), self.S.copy()
-        for at, j, delta_v_N in pushes:
+        for at, j, change_N in pushes:
             copy.advance(max(at, copy.t))
-            copy.x[OWN * j + 3 : OWN * j + 6] += delta_v_N
+            copy.x[OWN * j : OWN * j + 6] += change_N
         copy.advance(t)
         return copy
 

@@ -55,6 +55,7 @@ class Propulsion:
         self._as_built = model.body_mass[hub].copy(), model.body_inertia[hub].copy()
         self._delta_v_N, self._delta_v = np.zeros((n, 3)), np.zeros(n)
         self._propellant, self._used, self._gain_N = np.zeros(n), np.zeros(n), np.zeros((n, 3))
+        self._moment_N = np.zeros((n, 3))  # gains times the middles of their holds [m]
         self._fired_at = 0
         self._start()
 
@@ -97,6 +98,12 @@ class Propulsion:
         return self._delta_v_N
 
     @property
+    def displacement_N(self) -> Array:
+        """How far thrust alone has carried each by now, shape (n, 3) [m]."""
+        self._burn()
+        return self._delta_v_N * self._state.time - self._moment_N
+
+    @property
     def mass(self) -> Array:
         """Of the spacecraft with what is left in their tanks, shape (n,) [kg]."""
         return self._full_mass - (self.thrusters.propellant_kg - self.propellant)
@@ -134,7 +141,7 @@ class Propulsion:
             )
         self._inertia_per_kg = self._hub_inertia / self._hub_mass[:, None]
         self._propellant[:] = self.thrusters.propellant_kg
-        for array in (self.force_N, self._delta_v, self._delta_v_N, self._used, self._gain_N):
+        for array in (self.force_N, self._delta_v, self._delta_v_N, self._moment_N, self._used, self._gain_N):
             array[:] = 0.0
 
     def aim(self, t: float, targets: Targets) -> Targets:
@@ -237,6 +244,7 @@ class Propulsion:
         if self._state.tick > self._fired_at:
             self._propellant[:] = np.maximum(self._propellant - self._used, 0.0)
             self._delta_v_N += self._gain_N
+            self._moment_N += self._gain_N * (self._fired_at + 0.5) * self._state.period
             self._delta_v += np.linalg.norm(self._gain_N, axis=1)
             self._used[:], self._gain_N[:] = 0.0, 0.0
 

@@ -10,7 +10,7 @@ import swarm_mj as sm
 from swarm_mj.cli.tables import NAVIGATED, results_table
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import make_simulation
-from swarm_mj.flight.optical import OpticalNavigator, first_sigmas, known_attitude
+from swarm_mj.flight.optical import WILD, OpticalNavigator, first_sigmas, known_attitude
 from swarm_mj.flight.optical_covariance import DrawnKnowledge, known_at_arrivals
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.records.summary_schema import RunSummary
@@ -129,6 +129,23 @@ def test_corrections_burn_by_what_is_known():
     assert 1e-3 * max(miss[f"sc{j}"] for j in (1, 2, 3)) < 1.5 * expected[["sc1", "sc2", "sc3"]].max()
     assert found.summary["known_3_sigma_m"]["sc1"] < 5.0
     assert any("pictures on the way" in words for words in found.findings)
+
+
+def test_where_a_burn_has_carried_the_spacecraft_is_known_before_the_next_picture():
+    case = {
+        **CASE,
+        "trajectory.corrections": [{"before_arrival_s": 280}],
+        "spacecraft.thrusters": {},
+        "dispersions.deployment_velocity_m_s": 0.02,
+        "seed": 3,
+        "navigation.optical.interval_s": 200,
+        "navigation.optical.interval_share": 0.5,
+    }
+    flight = sm.fly("bennu-slow", case)
+    assert flight.telemetry["delta_v_m_s"].values[-1, :2].min() > 0.03
+    assert max(flight.summary["optical"]["nees_per_component_arrival"].values()) < 6.0
+    # Pictures after the burn agree with what was believed.
+    assert all(one["why"] != WILD for one in json.loads(flight.telemetry.attrs["navigation"]))
 
 
 def test_beforehand_pictures_that_poor_knowledge_cannot_match_tell_nothing():

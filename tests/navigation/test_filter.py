@@ -76,16 +76,16 @@ def test_a_range_tells_both_spacecraft_and_is_not_counted_twice():
 
 def test_a_push_and_a_coast_go_together():
     each = begun(Case(FilterNoise()), 1)
-    push = np.array([0.5, -0.2, 0.1])
+    push = np.array([4.0, 1.0, -2.0, 0.5, -0.2, 0.1])
     there = each.coast(300.0, [(100.0, 0, push)])
     each.advance(100.0)
-    each.push(0, push, np.zeros((3, 3)))
+    each.push(0, push, np.zeros((6, 6)))
     each.advance(300.0)
     assert np.allclose(there.r_N, each.r_N, atol=1e-6) and np.allclose(
         there.covariance(0), each.covariance(0), rtol=1e-9
     )
     r, v = flown(R0[:1], V0[:1], 100.0)
-    r, _ = flown(r, v + push, 200.0)
+    r, _ = flown(r + push[:3], v + push[3:], 200.0)
     assert np.allclose(each.r_N, r, atol=1e-3)
 
 
