@@ -212,7 +212,10 @@ class _Along:
         if self._j >= plan.n_observers:
             return np.eye(len(each.x))
         C_AN = plan.environment.C_AN(t)
-        pose = look_at(C_AN @ each.r_N[0], -C_AN @ self._error[:3])
+        place, aim = C_AN @ each.r_N[0], -C_AN @ self._error[:3]
+        # How a flight turns the camera about its line of sight is not known: the body goes out over the nearest side.
+        across, down, _ = look_at(place, aim).C_CA @ -place
+        pose = look_at(place, aim, roll=float(np.arctan2(down, across)))
         picture = Picture(t, self._j, pose.r_A, pose.C_CA, C_AN @ plan.environment.sun.at(t))
         believed_r_A = pose.r_A + C_AN @ self._error[:3]
         fix = self._navigator.measured(picture, believed_r_A, each.position_sigma(0))

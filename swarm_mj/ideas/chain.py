@@ -556,11 +556,19 @@ def _design(
     except TooFewObserversError as error:
         return None, str(error).replace("max_observers", "limits.spacecraft"), error.needed
     except MissionError as error:
-        return None, str(error), 0
+        return None, _as_asked(str(error)), 0
     if study.interrupted:  # what was found so far proves nothing; candidates' flights are kept for the next time
         raise KeyboardInterrupt
     proven = "proven the fewest" if study.exact.status == "optimal" else f"at least {study.exact.bound:g} are needed"
     return study, proven, 0
+
+
+def _as_asked(words: str) -> str:
+    """What the swarm designer says, with the remedy in keys of a requirement."""
+    found = re.search(r"; allow a tolerance of at least ([0-9.]+) %.*", words)
+    return (
+        words if found is None else f"{words[: found.start()]}; share_percent of at most {100.0 - float(found[1]):.4g}"
+    )
 
 
 def verify(
@@ -631,9 +639,9 @@ def _delivered_h(asked: Requirement, delivery: Delivery, end_s: float) -> tuple[
     with np.errstate(divide="ignore", invalid="ignore"):
         used = np.nan_to_num(delivery.earth_bit / delivery.earth_contact_bit)
     busy_h = float((np.diff(delivery.edges_s) @ used).max()) / 3600.0
-    with_pauses_h = busy_h * 24.0 / asked.contact_h
+    with_pauses_h = visible_h + busy_h * (24.0 / asked.contact_h - 1.0)
     words = f"flown: {visible_h:.3g} h after the flight without a pause, in which one sends for {busy_h:.3g} h; in contacts of "
-    return max(visible_h, with_pauses_h), words + f"{asked.contact_h:g} h a day, evenly spread, {with_pauses_h:.3g} h"
+    return with_pauses_h, words + f"{asked.contact_h:g} h a day, evenly spread, {with_pauses_h:.3g} h"
 
 
 def _counted(causes: Counter[str]) -> str:

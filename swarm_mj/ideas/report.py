@@ -260,8 +260,11 @@ def _front(record: Mapping[str, Any]) -> Html | None:
         (one["kind"], *(_number(one[key]) for key in ("resolution_m", "mass_kg", "power_w", "send_h", "least_kg")))
         for one in record.get("alternatives") or []
     ]
-    head = ("kind", "resolution [m]", "mass [kg]", "power [W]", "sent within, as sized [h]", "swarm at least [kg]")
-    caption = "No other one is better in resolution, masses, power and time; sized, not flown"
+    head = ("kind", "samples [m]", "mass [kg]", "power [W]", "sent within, as sized [h]", "swarm at least [kg]")
+    caption = (
+        "Spacecraft for half to twice the resolution that is asked for, with other cameras; no other one is better in "
+        "resolution, masses, power and time; sized for the fewest pictures, not flown"
+    )
     return _section("Alternatives", table(head, rows, caption=caption)) if rows else None
 
 

@@ -7,12 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-import yaml
 from pydantic import Field, TypeAdapter, ValidationError, field_validator, model_validator
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.ideas.components import PROPULSION, SIZES
 from swarm_mj.scenarios.explaining import explained, listed
+from swarm_mj.scenarios.loading import file_text, parse_yaml
 from swarm_mj.scenarios.schema_quality import PACKAGED
 from swarm_mj.scenarios.section import Section
 
@@ -304,12 +304,7 @@ def load_requirement(source: str | Path | dict[str, Any]) -> Requirement:
     """
     data: Any = source
     if not isinstance(source, dict):
-        try:
-            data = yaml.safe_load(Path(source).read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-            raise ScenarioError(f"{source}: cannot be read as a requirement: {error}") from None
-    if not isinstance(data, dict):
-        raise ScenarioError(f"{source}: must be a mapping of {', '.join(Requirement.model_fields)}")
+        data = parse_yaml(file_text(Path(source), "requirement"), str(source))
     if not isinstance(source, dict) and isinstance(named := data.get("scenario"), str):
         beside = Path(source).parent / named
         data = {**data, "scenario": str(beside) if beside.is_file() else named}

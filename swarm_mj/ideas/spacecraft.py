@@ -535,9 +535,10 @@ def _lightest(
     ]
     most = row(one_w, one_l, float(size.panels), float(MOST_BATTERIES))
     constraints = [LinearConstraint(np.atleast_2d(a), low, high) for a, low, high in rows]
-    x = _solved(grown * mass, constraints, most)
+    program = _Program.of(grown * mass, constraints, most)
+    x = _solved(program)
     if x is None:
-        return _lacking(grown * mass, constraints, most, size)
+        return _lacking(program, size)
     wheel, k = wheels[int(x[:n_w].argmax())], int(x[n_w : n_w + n_l].argmax())
     link, panels, batteries = links[k], int(x[-2]), int(x[-1])
     dry = built * (fixed_kg + float(mass @ x))
@@ -644,57 +645,61 @@ KEPT = {
 }
 
 
-def _solved(objective: Array, constraints: list[LinearConstraint], most: Array) -> Array | None:
-    """Whole numbers of the least objective; None: there are none. What was solved before is not solved again."""
-    rows = [np.concatenate((each.A[0], each.lb, each.ub)) for each in constraints]
-    table = np.stack([np.append(objective, (0.0, 0.0)), np.append(most, (0.0, 0.0)), *rows])
-    return _solved_table(table.tobytes(), table.shape)
+class _Program(NamedTuple):
+    """Objective, ends of the whole numbers, rows and their bounds, as bytes: what was solved is not solved again."""
+
+    table: bytes
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, objective: Array, constraints: list[LinearConstraint], most: Array) -> _Program:
+        rows = [np.concatenate((each.A[0], each.lb, each.ub)) for each in constraints]
+        table = np.stack([np.append(objective, (0.0, 0.0)), np.append(most, (0.0, 0.0)), *rows])
+        return cls(table.tobytes(), table.shape)
+
+    def parts(self) -> tuple[Array, Array, LinearConstraint]:
+        rows = np.frombuffer(self.table).reshape(self.shape)
+        return rows[0, :-2], rows[1, :-2], LinearConstraint(rows[2:, :-2], rows[2:, -2], rows[2:, -1])
 
 
 @lru_cache(maxsize=PROGRAMS)
-def _solved_table(table: bytes, shape: tuple[int, int]) -> Array | None:
-    rows = np.frombuffer(table).reshape(shape)
-    constraints = LinearConstraint(rows[2:, :-2], rows[2:, -2], rows[2:, -1])
-    x = solve_program(rows[0, :-2], [constraints], None, most=rows[1, :-2]).x
+def _solved(program: _Program) -> Array | None:
+    """Whole numbers of the least objective; None: there are none."""
+    objective, most, constraints = program.parts()
+    x = solve_program(objective, [constraints], None, most=most).x
     return None if x is None else np.rint(x)
 
 
-def _lacking(objective: Array, constraints: list[LinearConstraint], most: Any, size: Size) -> str:
-    """Which one limit, left out, would give the program a solution."""
+@lru_cache(maxsize=PROGRAMS)
+def _lacking(program: _Program, size: Size) -> str:
+    """By how much which limit must be exceeded at the least, or all of them together."""
+    objective, most, constraints = program.parts()
     more = most.copy()
     more[-2] = MANY_PANELS
-    free = _solved(objective, constraints, more)
+    free = solve_program(objective, [constraints], None, most=more).x
     if free is not None:
         return f"{free[-2]:.0f} panels are needed, {size.units}U carry {size.panels}"
-    alone = []
-    for k, name in enumerate(KEPT):
-        rest = [row for i, row in enumerate(constraints) if i != k + 2]
-        if _solved(objective, rest, most) is not None:
-            alone.append(name)
+    alone = [words for name in KEPT for words in _least_excess(most, constraints, [name])]
     if alone:
-        return f"the limit of {' or of '.join(alone)} forbids it"
-    # The least excess of all limits together.
-    n, m = len(objective), len(KEPT)
-    size_of = [scale for _, scale in KEPT.values()]
-    rows = [
-        LinearConstraint(
-            np.hstack((row.A, -size_of[i - 2] * np.eye(m)[i - 2 : i - 1] if i > 1 else np.zeros((1, m)))),
-            row.lb,
-            row.ub,
-        )
-        for i, row in enumerate(constraints)
+        return f"it exceeds {' or '.join(alone)} at the least"
+    together = _least_excess(most, constraints, list(KEPT))
+    return f"it exceeds {' and '.join(together)} at the least" if together else "several limits forbid it at once"
+
+
+def _least_excess(most: Array, constraints: LinearConstraint, freed: list[str]) -> list[str]:
+    """By how much some of the limits must be exceeded together, each that is in words; empty: that does not help."""
+    n, scales = len(most), np.diag([scale for _, scale in KEPT.values()])
+    beyond = np.vstack((np.zeros((2, len(KEPT))), -scales))
+    rows = LinearConstraint(np.hstack((constraints.A, beyond)), constraints.lb, constraints.ub)
+    weights = np.append(np.zeros(n), np.ones(len(KEPT)))
+    ends = np.append(most, [100.0 * (name in freed) for name in KEPT])
+    x = solve_program(weights, [rows], None, most=ends, whole=weights == 0.0).x
+    excess = [] if x is None else (scales @ x[n:]).tolist()
+    return [
+        f"{name} by {value:.3g} {unit}"
+        for (name, (unit, scale)), value in zip(KEPT.items(), excess, strict=False)
+        if value > 1e-6 * scale
     ]
-    whole = np.arange(n + m) < n
-    ends = np.append(most, np.full(m, 100.0))
-    excess = solve_program(np.append(np.zeros(n), np.ones(m)), rows, None, most=ends, whole=whole).x
-    if excess is None:
-        return "several limits forbid it at once"
-    beyond = [
-        f"{name} by {share * scale:.3g} {unit}"
-        for (name, (unit, scale)), share in zip(KEPT.items(), excess[n:], strict=True)
-        if share > 1e-6
-    ]
-    return f"at the least it exceeds {' and '.join(beyond)}"
 
 
 def altitudes_for(asked: Requirement, seen: Encounter) -> tuple[float, ...]:

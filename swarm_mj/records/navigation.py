@@ -229,8 +229,11 @@ def _too_long(found: CorrectionAnalysis, names: tuple[str, ...], rows: list[Row]
 
 
 def navigation_summary(plan: Plan) -> Row:
-    """For summary.json where there are corrections: the spread before and after them, and what they are expected to burn."""
-    if not plan.scenario.trajectory.corrections:
+    """For summary.json where there are corrections: the spread before and after them, and what they are expected to burn.
+
+    Nothing where they go by pictures, of which it knows nothing.
+    """
+    if not plan.scenario.trajectory.corrections or plan.scenario.navigation.mode == "optical":
         return {}
     found = analyse_corrections(plan)
     rows, totals = navigation_rows(found), total_delta_v(found)

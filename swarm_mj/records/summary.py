@@ -53,7 +53,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         "encounter_findings": list(plan.encounter_findings),
         **propulsion_summary(plan, telemetry),
         **navigation_summary(plan),
-        **optical_summary(plan, telemetry),
+        **optical_summary(plan, telemetry, arrival_miss_m(plan, telemetry)),
         **_stepped(plan, telemetry),
         **_faults(plan, telemetry),
         **coordination_summary(telemetry),
