@@ -645,7 +645,7 @@ def _delivered_h(asked: Requirement, delivery: Delivery, end_s: float) -> tuple[
 
 
 def _counted(causes: Counter[str]) -> str:
-    return ", ".join(f"{cause} forbids {count}" for cause, count in causes.most_common())
+    return ", ".join(f"{count} for {cause}" for cause, count in causes.most_common())
 
 
 def _forbidden(
@@ -657,7 +657,8 @@ def _forbidden(
 ) -> tuple[str, tuple[dict[str, float], ...]]:
     """Why nothing meets a requirement, in words, and ways to change it with which a spacecraft can be built."""
     if built := [one for one in tried if one.mass_kg is not None]:
-        what = f"{len(built)} kinds of spacecraft can be built, but no swarm of any of them meets it"
+        kinds = "1 kind" if len(built) == 1 else f"{len(built)} kinds"
+        what = f"{kinds} of spacecraft can be built, but no swarm of any of them meets it"
         if not near:
             return f"{what}; {built[0].kind}: {built[0].words}", ()
         key, missed, one = min(near, key=lambda found: abs(found[1].reached / found[1].asked - 1.0))
@@ -675,7 +676,7 @@ def _forbidden(
         "limits.spacecraft_kg and limits.units helps all that forbids it"
     )
     return (
-        f"no spacecraft among {len(tried)} kinds can be built for it ({_counted(causes)}); the one that is refused last, "
+        f"no spacecraft among {len(tried)} kinds can be built for it ({_counted(causes)}); the one that comes nearest, "
         f"{nearest.kind}: {nearest.words}; {remedy}",
         tuple(ways),
     )
