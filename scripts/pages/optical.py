@@ -143,10 +143,10 @@ as that of flights does.
 What pictures err by as they are drawn is small beside noise, since samples that an edge of the mesh parts share their areas
 as the edge divides them; shadows have none of that. Limbs allow for what is left by one number for a size of the body on the
 picture, whatever its shape and light; and where what a fit leaves pulls it by more than noise would, square by square of
-{square} x {square} pixels, by that. Landmarks have an own error of {floor} px, and horizons of {edge} px and more where
-they curve. These numbers were chosen by pictures of the first four bodies, most of them those above, so that limbs come out
-right in the mean, and horizons those of the sphere: the table shows how far one set of numbers carries. Itokawa, of 100 pixels
-and more, took no part in that.
+{square} x {square} pixels, by that, and by more where much is left. Landmarks have an own error of {floor} px, and horizons of
+{edge} px and more where they curve. These numbers were chosen by pictures of the first four bodies, most of them those above,
+so that limbs come out right in the mean, and horizons those of the sphere: the table shows how far one set of numbers carries.
+Itokawa, of 100 pixels and more, took no part in that.
 
 ## Filter
 

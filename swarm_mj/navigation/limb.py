@@ -88,6 +88,9 @@ LARGEST = 0.02
 #: Sides of the squares of which it is told how much they pull a fit by what noise does not explain [px]: errors within one are
 #: taken for one, those of two for independent. Chosen by pictures of Eros and Bennu; 4 and 16 do nearly as well.
 SQUARE_PX = 8
+#: Mean square of residuals over that of noise, less one, beyond which the body is another one than the model: errors along the
+#: whole limb no square shows; and by how much variances grow with what is beyond.
+UNLIKE, UNLIKE_GROWTH = 0.3, 16.0
 
 
 class Edges(NamedTuple):
@@ -317,14 +320,15 @@ def _match_pixels(
         # Places of the limb err alone; the pixels of one, across the band, as one.
         error = K * (model_px * slope[used]) * np.sqrt(2.0 * ALIKE_PX)
         pull = info + error @ error.T
+    misfit = float(np.sqrt(np.mean(residual[used] ** 2 / (variance + (model_px * slope) ** 2)[used])))
     if exact:
-        pull = _at_least(pull, _pulled(K * residual[used], band, used))
+        unlike = 1.0 + UNLIKE_GROWTH * max(misfit**2 - 1.0 - UNLIKE, 0.0)
+        pull = _at_least(pull, _pulled(K * residual[used], band, used), unlike)
     P4 = settle @ pull @ settle.T
     gain = float(fit[0])
     if not gain > LEAST_GAIN:
         return Rejected("limb", "the picture is not as bright as the model's")
     C = seen.pose.C_CA
-    misfit = float(np.sqrt(np.mean(residual[used] ** 2 / (variance + (model_px * slope) ** 2)[used])))
     P = C.T @ P4[1:, 1:] @ C / gain**2
     return _Fitted(C.T @ fit[1:] / gain, 0.5 * (P + P.T), int(used.sum()), misfit)
 
@@ -337,12 +341,12 @@ def _pulled(score: Array, band: Mask, used: Mask) -> Array:
     return np.asarray(each @ each.T)
 
 
-def _at_least(covariance: Array, found: Array) -> Array:
-    """A covariance, and along those directions in which the one found is larger, that one."""
+def _at_least(covariance: Array, found: Array, least: float) -> Array:
+    """So many times a covariance, and along those directions in which the one found is larger, that one."""
     root = np.linalg.cholesky(covariance)
     half = np.linalg.solve(root, found)
     ratio, along = np.linalg.eigh(np.linalg.solve(root, half.T))
-    wide = root @ along * np.sqrt(np.maximum(ratio, 1.0))
+    wide = root @ along * np.sqrt(np.maximum(ratio, least))
     return np.asarray(wide @ wide.T)
 
 

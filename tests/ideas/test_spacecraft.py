@@ -244,7 +244,9 @@ def test_what_may_be_chosen_is_chosen_from():
     roomy = {"units": [12], "spacecraft_kg": 40.0, "propulsion": ["ADN monopropellant"]}
     _, refused = sized(units=12, delta_v_m_s=300.0, limits=roomy)
     assert isinstance(refused, Refusal)
-    by = re.search(r"it exceeds the propellant that tanks of this class take by ([0-9.]+) kg at the least", refused.words)
+    by = re.search(
+        r"it exceeds the propellant that tanks of this class take by ([0-9.]+) kg at the least", refused.words
+    )
     assert 0.05 < float(by[1]) < 3.0
     # A deployer may carry more than the standard's 12 kg.
     _, full = sized(limits={"units": [6], "spacecraft_kg": 14.0, "propulsion": ["cold gas, R236fa"]}, delta_v_m_s=110.0)
