@@ -130,7 +130,9 @@ and the same. Attitudes are exact. The model is the body itself: what a shape, a
 adds is `centroid_model`, `limb_model_px` and `landmark_model_px` of flights, and left out here. *Diameter* is that of the
 sphere about the body. *chi-square* is the sum of the squared errors over the covariances that measurements say, a component;
 in brackets where 95 % of right ones lie. Above it, measurements promise too much; below, too little. *Worst picture* is that
-of a single one. *Why not* has the two most frequent causes. *Median across* is of errors across the line of sight, *of
+of a single one. *Half in shadow* has phases of 80 to 120 deg. *Half out of the picture* has the body's centre half the
+picture's width off the middle, in any direction: of what is up to 400 pixels wide some three fifths are in the picture, of what
+is wider two fifths. *Why not* has the two most frequent causes. *Median across* is of errors across the line of sight, *of
 distance* of those along it, over the distance. Not used is also what a filter that knows the position as well would refuse,
 as that of flights does.
 
@@ -155,7 +157,7 @@ drawn, and err by what the filter is told (`scripts/pages/filter_flights.py`). N
 estimates at the end and of the innovations over what the filter says of them, a component; in brackets where 95 % of right
 ones lie. *Far off* are estimates whose squared error is beyond what one in a hundred right ones exceeds. Ranges known to 1 m
 between places known much worse are not linear: they are believed less, by which innovations come out smaller than said. Of
-near spacecraft twice as many as should are far off all the same.
+near spacecraft two and a half times as many as should are far off all the same.
 
 | case | flights | NEES | far off | NIS |
 |---|---|---|---|---|
@@ -275,7 +277,8 @@ def _outside(rows: list[str]) -> str:
     above, below = sum(value > high for value, _, high, _ in shown), sum(value < low for value, low, _, _ in shown)
     most, least = max(shown), min(shown)
     return (
-        f"Of {len(shown)} rows {above} lie above their brackets and {below} below; by chance one or two would. The highest is "
+        f"Of {len(shown)} rows, as they are printed, {above} lie above their brackets and {below} below; by chance one or two "
+        "would. The highest is "
         f"{most[0]} ({most[3]} px), the lowest {least[0]} ({least[3]} px)."
     )
 

@@ -226,20 +226,23 @@ class OpticalNavigator:
         for j in np.flatnonzero(self._aboard & state.released):
             push = plan.deployment.v0_N[j] - plan.deployment.release_mothership_v_N[j]
             error = plan.scenario.dispersions.deployment_velocity_m_s**2 * np.eye(3)
-            self._note_push(float(plan.deployment.release_s[j]), int(j), np.zeros(3), push, error)
+            self._note_push(float(plan.deployment.release_s[j]), int(j), np.zeros(3), push, error, 0.0)
         self._aboard &= ~state.released
         if propulsion is None:
             return
         seen_t, seen_v, seen_r = self._felt
         self._felt = t, propulsion.delta_v_N.copy(), propulsion.displacement_N
         gained, carried = self._felt[1] - seen_v, self._felt[2] - seen_r - seen_v * (t - seen_t)
-        for j in np.flatnonzero(gained.any(axis=1)):
+        for j in np.flatnonzero((gained != 0.0).any(axis=1) | (carried != 0.0).any(axis=1)):
             error = burn_covariance(np.outer(gained[j], gained[j]), self._errors)
-            self._note_push(t, int(j), carried[j], gained[j], error)
+            self._note_push(t, int(j), carried[j], gained[j], error, t - seen_t)
 
-    def _note_push(self, t: float, j: int, carried_N: Array, gained_N: Array, error: Array) -> None:
-        """A change of velocity [m/s] with the covariance of its error, and how far it has carried the spacecraft by t [m]."""
-        ago = float(np.linalg.norm(carried_N)) / max(float(np.linalg.norm(gained_N)), 1e-300)
+    def _note_push(self, t: float, j: int, carried_N: Array, gained_N: Array, error: Array, within_s: float) -> None:
+        """A change of velocity [m/s] with the covariance of its error, and how far it has carried the spacecraft by t [m].
+
+        It came `within_s` before, at the most.
+        """
+        ago = min(float(np.linalg.norm(carried_N)) / max(float(np.linalg.norm(gained_N)), 1e-300), within_s)
         by = np.vstack((ago * np.eye(3), np.eye(3)))
         self._waiting.append(_Event(t, j, change_N=np.concatenate((carried_N, gained_N)), covariance=by @ error @ by.T))
 

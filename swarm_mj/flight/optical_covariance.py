@@ -213,7 +213,7 @@ class _Along:
             return np.eye(len(each.x))
         C_AN = plan.environment.C_AN(t)
         place, aim = C_AN @ each.r_N[0], -C_AN @ self._error[:3]
-        # How a flight turns the camera about its line of sight is not known: the body goes out over the nearest side.
+        # How a flight turns the camera about its line of sight is not known: the body goes out over a side, not a corner.
         across, down, _ = look_at(place, aim).C_CA @ -place
         pose = look_at(place, aim, roll=float(np.arctan2(down, across)))
         picture = Picture(t, self._j, pose.r_A, pose.C_CA, C_AN @ plan.environment.sun.at(t))

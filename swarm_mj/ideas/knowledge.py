@@ -19,6 +19,7 @@ import numpy as np
 import yaml
 
 from swarm_mj import __version__
+from swarm_mj.designer.candidates.kept_flights import files_in
 from swarm_mj.errors import OutputError
 from swarm_mj.ideas.chain import Campaign, Known, Said, Study, run_study
 from swarm_mj.ideas.requirement import Requirement
@@ -61,9 +62,10 @@ class Kept(NamedTuple):
 
 
 def identity(asked: Requirement) -> str:
-    """Digest of a requirement, the scenario that it names as it stands now, and the version."""
+    """Digest of a requirement, the scenario that it names as it stands now with the files that it names, and the version."""
     scenario = load_scenario(asked.scenario, asked.scenario_changes).model_dump(mode="json")
-    words = json.dumps([asked.model_dump(mode="json"), scenario, __version__], sort_keys=True)
+    files = [hashlib.sha256(path.read_bytes()).hexdigest() for path in files_in(scenario)]
+    words = json.dumps([asked.model_dump(mode="json"), scenario, files, __version__], sort_keys=True)
     return hashlib.sha256(words.encode()).hexdigest()[:12]
 
 
@@ -174,13 +176,16 @@ class KnowledgeBase:
         raise OutputError(f"{name}: {what} in {self.path}; it holds {known}")
 
     def nearest(self, asked: Requirement) -> Kept | None:
-        """The closed study that is most like a requirement, and not that of itself; None: none is alike."""
+        """The closed study that is most like a requirement, and not that of itself; None: none is alike.
+
+        Of a scenario that stands otherwise by now, or by another version, none is.
+        """
         own = identity(asked)
         found = [
             (closeness(asked, one.requirement), one) for one in self.kept() if one.record["closed"] and one.id != own
         ]
-        near = [pair for pair in found if pair[0] <= NEAR]
-        return min(near, key=lambda pair: pair[0])[1] if near else None
+        near = sorted((pair for pair in found if pair[0] <= NEAR), key=lambda pair: pair[0])
+        return next((one for _, one in near if identity(one.requirement) == one.id), None)
 
     def keep(self, asked: Requirement, record: dict[str, Any], took: str, wall_s: float) -> Kept:
         """Keep a study, in the place of one of the same inputs."""

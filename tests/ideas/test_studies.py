@@ -21,6 +21,7 @@ from swarm_mj.ideas.components import DETECTORS
 from swarm_mj.ideas.knowledge import KnowledgeBase, differences, identity
 from swarm_mj.ideas.requirement import load_requirement
 from swarm_mj.ideas.sensitivity import sobol_indices
+from swarm_mj.scenarios.loading import packaged
 
 #: A map of Bennu's target that a few spacecraft make.
 CASE = {
@@ -173,6 +174,16 @@ def test_a_like_study_gives_its_swarm_and_bounds_and_the_same_answer(study, base
     assert list(kept["name"]) == ["map", "near"] and list(kept["began_with"]) == ["", study.kept.id]
     table = sm.compare_studies("map", "near", base).set_index("key")
     assert list(table.loc["requirement.resolution_m"]) == [1.0, 0.95]
+
+
+def test_a_study_of_a_scenario_that_stands_otherwise_by_now_is_not_begun_with(study, tmp_path):
+    file, base = tmp_path / "place.yaml", KnowledgeBase(tmp_path / "base.sqlite")
+    file.write_text(packaged("bennu-slow"), encoding="utf-8")
+    asked = load_requirement({**CASE, "scenario": str(file), "changes": {}})
+    kept, near = base.keep(asked, study.record, "", 1.0), asked.with_value("resolution_m", 0.95)
+    assert base.nearest(near) == kept
+    file.write_text(packaged("bennu-slow") + "\nseed: 77\n", encoding="utf-8")
+    assert base.nearest(near) is None
 
 
 def test_a_known_swarm_that_does_not_do_is_not_taken(study, bare):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -129,7 +130,7 @@ def _file(scenario: Scenario, folder: str = "flights") -> Path | None:
     if not _is_known(scenario):
         return None
     shape, told = load_body_shape(scenario.body), scenario.model_dump(mode="json")
-    files = [f"{path} {path.stat().st_size} {path.stat().st_mtime_ns}" for path in _files_in(told)]
+    files = [f"{path} {path.stat().st_size} {path.stat().st_mtime_ns}" for path in files_in(told)]
     key = hash_of(_program(), json.dumps(told, sort_keys=True), *files, shape.vertices, shape.faces)
     return cache_folder() / folder / f"{key}.npz"
 
@@ -144,20 +145,22 @@ def _is_known(scenario: Scenario) -> bool:
     return all(plugins.find(group, name).__module__.startswith("swarm_mj.") for group, name in named)
 
 
-def _files_in(told: Any) -> Iterator[Path]:
+def files_in(told: Any) -> Iterator[Path]:
     """The files whose absolute paths stand somewhere in a scenario."""
     for value in told.values() if isinstance(told, dict) else told if isinstance(told, list) else ():
         if isinstance(value, str) and os.path.isfile(value):
             yield Path(value)
         else:
-            yield from _files_in(value)
+            yield from files_in(value)
 
 
 @cache
 def _program() -> str:
     """Versions of what flies, and when its sources were changed last."""
-    from importlib.metadata import version
+    from importlib.metadata import PackageNotFoundError, version
 
-    libraries = [f"{name} {version(name)}" for name in ("numpy", "scipy", "numba")]
+    libraries = [f"{name} {version(name)}" for name in ("numpy", "scipy", "numba", "mujoco", "trimesh")]
+    with suppress(PackageNotFoundError):  # embreex has no wheels for some machines
+        libraries.append(f"embreex {version('embreex')}")
     newest = max(path.stat().st_mtime_ns for path in Path(swarm_mj.__file__).parent.rglob("*.py"))
     return " ".join([swarm_mj.__version__, *libraries, str(newest)])
