@@ -588,10 +588,7 @@ def _pairs(sample: Sample) -> Ints:
 
 
 def fly_realisations(
-    scenario: Scenario,
-    candidates: Sequence[Candidate],
-    seeds: Sequence[int],
-    progress: Progress | None = None,
+    scenario: Scenario, candidates: Sequence[Candidate], seeds: Sequence[int], progress: Progress | None = None
 ) -> Iterator[Realisation]:
     """Fly candidates together as the scenario disperses them, but for its losses: a realisation of each seed.
 

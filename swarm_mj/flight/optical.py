@@ -146,7 +146,8 @@ class OpticalNavigator:
         self._filters = [self.filter_at(0.0, start[who], sigma[who], gm_ratio) for who in groups]
         self._place = {j: (g, who.index(j)) for g, who in enumerate(groups) for j in who}
         self._waiting: list[_Event] = []
-        self._felt = 0.0, np.zeros((n, 3)), np.zeros((n, 3))  # when, and what thrust had given by then [m/s, m]
+        # When, and what thrust had given by then: in all [m/s], as vectors [m/s], and how far that had carried each [m].
+        self._felt = 0.0, np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3))
         self._aboard, self._next = ~state.released.copy(), 0
         self.due, self.records = 0, []
         self._write(simulation)
@@ -230,10 +231,10 @@ class OpticalNavigator:
         self._aboard &= ~state.released
         if propulsion is None:
             return
-        seen_t, seen_v, seen_r = self._felt
-        self._felt = t, propulsion.delta_v_N.copy(), propulsion.displacement_N
-        gained, carried = self._felt[1] - seen_v, self._felt[2] - seen_r - seen_v * (t - seen_t)
-        for j in np.flatnonzero((gained != 0.0).any(axis=1) | (carried != 0.0).any(axis=1)):
+        seen_t, seen_all, seen_v, seen_r = self._felt
+        self._felt = t, propulsion.delta_v.copy(), propulsion.delta_v_N.copy(), propulsion.displacement_N
+        gained, carried = self._felt[2] - seen_v, self._felt[3] - seen_r - seen_v * (t - seen_t)
+        for j in np.flatnonzero(self._felt[1] > seen_all):
             error = burn_covariance(np.outer(gained[j], gained[j]), self._errors)
             self._note_push(t, int(j), carried[j], gained[j], error, t - seen_t)
 

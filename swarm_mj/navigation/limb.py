@@ -89,7 +89,8 @@ LARGEST = 0.02
 #: taken for one, those of two for independent. Chosen by pictures of Eros and Bennu; 4 and 16 do nearly as well.
 SQUARE_PX = 8
 #: Mean square of residuals over that of noise, less one, beyond which the body is another one than the model: errors along the
-#: whole limb no square shows; and by how much variances grow with what is beyond.
+#: whole limb no square shows; and by how much variances grow with what is beyond: so that flights by a model of 2,000 faces err
+#: as they say, and the pictures of docs/results/optical.md hardly change.
 UNLIKE, UNLIKE_GROWTH = 0.3, 16.0
 
 
@@ -334,7 +335,10 @@ def _match_pixels(
 
 
 def _pulled(score: Array, band: Mask, used: Mask) -> Array:
-    """Sum of the squares of what each square of pixels pulls by, of what pixels of a band do that were used, shape (4, n)."""
+    """Sum of the outer products of what each square of pixels pulls a fit by, shape (4, 4).
+
+    `score`: what each pixel of a band that was used pulls by, shape (4, n).
+    """
     rows, columns = (each[used] // SQUARE_PX for each in np.nonzero(band))
     _, square = np.unique(rows * band.shape[1] + columns, return_inverse=True)
     each = np.stack([np.bincount(square, row) for row in score])
